@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> The C interface. `include/tandem.h` declares and documents these functions; here are their Fortran sides, which check pointers,
-!> convert texts, and call the procedures of the problem. Every function returns the status of the problem.
+!> The C interface. `include/tandem.h` declares and documents these functions. The Fortran procedures check pointers, convert texts,
+!> and call the procedures of the problem. Every function returns the status of the problem.
 module tandem_legacy_c
     use tandem_error, only: to_text
     use tandem_kinds, only: long, wp
     use tandem_legacy_c_model, only: c_model_type
     use tandem_legacy_callback_model, only: callback_model_type
-    use tandem_legacy_handle, only: find => problem_of, give_back, new_handle
+    use tandem_legacy_handle, only: find => problem_of, free_handle, new_handle
     use tandem_legacy_description, only: message_of_no_problem
     use tandem_legacy_problem, only: problem_type
     use tandem_legacy_c_text, only: text_of
@@ -26,7 +26,7 @@ module tandem_legacy_c
     public :: c_get_state, c_get_state_at, c_get_multipliers, c_get_energies, c_get_statistic
     public :: c_count_warnings, c_get_warning, c_get_segment, c_save_state, c_restore_state
 
-    !> Result of `tandem_message` without a problem. Never changed.
+    !> Result of `tandem_message` if there is no problem. It is never modified.
     character(kind=c_char), target :: no_problem(len(message_of_no_problem) + 1) = &
         transfer(message_of_no_problem//c_null_char, [c_null_char])
 
@@ -37,11 +37,11 @@ contains
         c_interface_version = interface_version
     end function c_interface_version
 
-    !> Create a problem; NULL only without memory for it. The message states whether the sizes are valid.
+    !> Create a problem; NULL only if there is no memory for it. The message states whether the sizes are valid.
     type(c_ptr) function c_new(n, n_holonomic, n_nonholonomic, user_data) bind(C, name='tandem_new')
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer(c_int), value :: n, n_holonomic, n_nonholonomic
-        !> Passed through to every function of the model.
+        !> Argument of all functions of the model.
         type(c_ptr), value :: user_data
         type(c_model_type), pointer :: model
         class(callback_model_type), pointer :: callback_model
@@ -63,10 +63,10 @@ contains
 
         call find(handle, problem)
         if (.not. associated(problem)) return
-        if (give_back(handle)) problem => null()
+        if (free_handle(handle)) problem => null()
     end subroutine c_free
 
-    !> Message of the last call, always at the same address.
+    !> Message of the last call. Its address never changes.
     type(c_ptr) function c_message(handle) bind(C, name='tandem_message')
         type(c_ptr), value :: handle
         type(problem_type), pointer :: problem
@@ -113,7 +113,7 @@ contains
     integer(c_int) function c_set_evaluate(handle, function_, provides) bind(C, name='tandem_set_evaluate')
         type(c_ptr), value :: handle
         type(c_funptr), value :: function_
-        !> Sum of the constants of the provided terms.
+        !> Sum of the constants of the terms that the function provides.
         integer(c_int), value :: provides
         type(problem_type), pointer :: problem
 
@@ -144,7 +144,7 @@ contains
         c_set_integer = problem%stat
     end function c_set_integer
 
-    !> Set an option that is a word.
+    !> Set an option whose value is a word.
     integer(c_int) function c_set_text(handle, name, value) bind(C, name='tandem_set_text')
         type(c_ptr), value :: handle, name, value
         type(problem_type), pointer :: problem
@@ -173,7 +173,7 @@ contains
             call problem%refuse('the list "'//text_of(name)//'" is NULL or has a negative number of entries', &
                 'pass the numbers and their count')
         else
-            ! An empty list needs an address too: gfortran treats an argument with a null address as absent.
+            ! gfortran treats an argument with a null address as absent, so that an empty list needs an address too.
             list => nothing(:0)
             if (count > 0) call c_f_pointer(values, list, [count])
             call problem%set_vector(text_of(name), list)
@@ -184,7 +184,7 @@ contains
     !> Name a constraint row.
     integer(c_int) function c_set_row_name(handle, row, name) bind(C, name='tandem_set_row_name')
         type(c_ptr), value :: handle
-        !> From 0, holonomic rows first.
+        !> Index from 0, holonomic rows first.
         integer(c_int), value :: row
         type(c_ptr), value :: name
         type(problem_type), pointer :: problem
@@ -194,13 +194,13 @@ contains
         c_set_row_name = problem%stat
     end function c_set_row_name
 
-    !> Watch a coordinate, a velocity or a multiplier.
+    !> Add an event at which a coordinate, a velocity or a multiplier reaches a value.
     integer(c_int) function c_add_event(handle, name, quantity, index, value, direction, stops) bind(C, name='tandem_add_event')
         type(c_ptr), value :: handle, name, quantity
-        !> From 0.
+        !> Index from 0.
         integer(c_int), value :: index
         real(c_double), value :: value
-        !> +1 for a rise through the value, -1 for a fall, 0 for both; not 0: the run ends there.
+        !> The direction is +1 rising through the value, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
         integer(c_int), value :: direction, stops
         type(problem_type), pointer :: problem
 
@@ -209,12 +209,12 @@ contains
         c_add_event = problem%stat
     end function c_add_event
 
-    !> Watch a function of (t, q, qd).
+    !> Add an event at zeros of a function of (t, q, qd).
     integer(c_int) function c_add_event_function(handle, name, function_, direction, stops) &
         bind(C, name='tandem_add_event_function')
         type(c_ptr), value :: handle, name
         type(c_funptr), value :: function_
-        !> +1 for a rise through zero, -1 for a fall, 0 for both; not 0: the run ends there.
+        !> The direction is +1 rising through zero, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
         integer(c_int), value :: direction, stops
         type(problem_type), pointer :: problem
 
@@ -223,7 +223,7 @@ contains
         c_add_event_function = problem%stat
     end function c_add_event_function
 
-    !> Remove all events from the next start on.
+    !> Remove all events. Takes effect at the next start.
     integer(c_int) function c_clear_events(handle) bind(C, name='tandem_clear_events')
         type(c_ptr), value :: handle
         type(problem_type), pointer :: problem
@@ -233,7 +233,7 @@ contains
         c_clear_events = problem%stat
     end function c_clear_events
 
-    !> Number of recorded events.
+    !> Return the number of recorded events.
     integer(c_int) function c_count_events(handle, count) bind(C, name='tandem_count_events')
         type(c_ptr), value :: handle
         integer(c_int), intent(out), optional :: count
@@ -247,12 +247,12 @@ contains
         c_count_events = problem%stat
     end function c_count_events
 
-    !> One of the recorded events.
+    !> Return one of the recorded events.
     integer(c_int) function c_get_event(handle, index, event, direction, t, q, qd) bind(C, name='tandem_get_event')
         type(c_ptr), value :: handle
-        !> From 0, in the order of time.
+        !> Index from 0, in the order of time.
         integer(c_int), value :: index
-        !> Index of the event, from 0; direction in which it passed through zero.
+        !> Index of the event from 0, and the direction in which its function passed through zero.
         integer(c_int), intent(out), optional :: event, direction
         real(c_double), intent(out), optional :: t
         real(c_double), intent(inout), optional :: q(*), qd(*)
@@ -268,10 +268,10 @@ contains
         c_get_event = problem%stat
     end function c_get_event
 
-    !> Index of the event that has stopped the run.
+    !> Return the index of the event that has stopped the run.
     integer(c_int) function c_get_stop(handle, event) bind(C, name='tandem_get_stop')
         type(c_ptr), value :: handle
-        !> From 0; -1 if none has.
+        !> Index from 0; -1 if no event has stopped the run.
         integer(c_int), intent(out), optional :: event
         type(problem_type), pointer :: problem
         integer :: number
@@ -283,7 +283,7 @@ contains
         c_get_stop = problem%stat
     end function c_get_stop
 
-    !> Watch the run from its start to t_end, to estimate its error.
+    !> Record the run from its start to t_end, for an estimate of its error.
     integer(c_int) function c_watch_error(handle, t_end) bind(C, name='tandem_watch_error')
         type(c_ptr), value :: handle
         real(c_double), value :: t_end
@@ -294,7 +294,7 @@ contains
         c_watch_error = problem%stat
     end function c_watch_error
 
-    !> Estimate the error of the run by a second one.
+    !> Estimate the error of the recorded run by a second run.
     integer(c_int) function c_estimate_error(handle) bind(C, name='tandem_estimate_error')
         type(c_ptr), value :: handle
         type(problem_type), pointer :: problem
@@ -366,7 +366,7 @@ contains
         c_integrate = problem%stat
     end function c_integrate
 
-    !> One accepted step that does not pass t_limit.
+    !> Perform one accepted step that does not go beyond t_limit.
     integer(c_int) function c_step(handle, t_limit) bind(C, name='tandem_step')
         type(c_ptr), value :: handle
         real(c_double), value :: t_limit
@@ -377,14 +377,15 @@ contains
         c_step = problem%stat
     end function c_step
 
-    !> Accepted steps, and rows of the states at the passed times.
+    !> Perform accepted steps, and store the states at times that they pass.
     integer(c_int) function c_advance(handle, t_end, max_steps, capacity, at_steps, times, q, qd, qdd, rows) &
         bind(C, name='tandem_advance')
         type(c_ptr), value :: handle
         real(c_double), value :: t_end
-        !> Largest number of steps; number of rows that fit; not 0: a row for each step, whose time is returned.
+        !> Largest number of steps; number of rows for which there is space; nonzero `at_steps`: store a row for each step, and its
+        !> time.
         integer(c_int), value :: max_steps, capacity, at_steps
-        !> (capacity), and rows of coordinates, velocities and accelerations (n).
+        !> Times (capacity); rows of coordinates, velocities and accelerations (n each).
         real(c_double), intent(inout), optional :: times(*), q(*), qd(*), qdd(*)
         integer(c_int), intent(out), optional :: rows
         type(problem_type), pointer :: problem
@@ -402,7 +403,7 @@ contains
         c_advance = problem%stat
     end function c_advance
 
-    !> The current state.
+    !> Return the current state.
     integer(c_int) function c_get_state(handle, t, q, qd, qdd) bind(C, name='tandem_get_state')
         type(c_ptr), value :: handle
         real(c_double), intent(out), optional :: t
@@ -414,7 +415,7 @@ contains
         c_get_state = problem%stat
     end function c_get_state
 
-    !> The state at a time within the last step.
+    !> Return the state at a time within the last step.
     integer(c_int) function c_get_state_at(handle, t, q, qd, qdd) bind(C, name='tandem_get_state_at')
         type(c_ptr), value :: handle
         real(c_double), value :: t
@@ -426,11 +427,11 @@ contains
         c_get_state_at = problem%stat
     end function c_get_state_at
 
-    !> The multipliers at a time within the last step.
+    !> Return the multipliers at a time within the last step.
     integer(c_int) function c_get_multipliers(handle, t, lambda) bind(C, name='tandem_get_multipliers')
         type(c_ptr), value :: handle
         real(c_double), value :: t
-        !> (nh + nd).
+        !> Multipliers (nh + nd).
         real(c_double), intent(inout), optional :: lambda(*)
         type(problem_type), pointer :: problem
 
@@ -443,7 +444,7 @@ contains
         c_get_multipliers = problem%stat
     end function c_get_multipliers
 
-    !> Kinetic and potential energy.
+    !> Return the kinetic and the potential energy.
     integer(c_int) function c_get_energies(handle, kinetic, potential) bind(C, name='tandem_get_energies')
         type(c_ptr), value :: handle
         real(c_double), intent(out), optional :: kinetic, potential
@@ -457,7 +458,7 @@ contains
         c_get_energies = problem%stat
     end function c_get_energies
 
-    !> One figure of the run.
+    !> Return one statistic of the run.
     integer(c_int) function c_get_statistic(handle, name, value) bind(C, name='tandem_get_statistic')
         type(c_ptr), value :: handle, name
         real(c_double), intent(out), optional :: value
@@ -470,7 +471,7 @@ contains
         c_get_statistic = problem%stat
     end function c_get_statistic
 
-    !> Number of warnings of the run.
+    !> Return the number of warnings of the run.
     integer(c_int) function c_count_warnings(handle, count) bind(C, name='tandem_count_warnings')
         type(c_ptr), value :: handle
         integer(c_int), intent(out), optional :: count
@@ -484,10 +485,10 @@ contains
         c_count_warnings = problem%stat
     end function c_count_warnings
 
-    !> One of the warnings, cut to the available length.
+    !> Return one of the warnings, truncated to the available length.
     integer(c_int) function c_get_warning(handle, index, capacity, text) bind(C, name='tandem_get_warning')
         type(c_ptr), value :: handle
-        !> From 0; number of characters that fit, including the NUL.
+        !> Index from 0; size of the buffer, including the terminating NUL.
         integer(c_int), value :: index, capacity
         character(kind=c_char), intent(inout), optional :: text(*)
         type(problem_type), pointer :: problem
@@ -508,10 +509,10 @@ contains
         c_get_warning = problem%stat
     end function c_get_warning
 
-    !> Save the run. Without words, only their number is returned.
+    !> Save the run. If `words` is NULL, only the number of words is returned.
     integer(c_int) function c_save_state(handle, capacity, words, count) bind(C, name='tandem_save_state')
         type(c_ptr), value :: handle
-        !> Number of words that fit.
+        !> Number of words for which there is space.
         integer(c_int), value :: capacity
         integer(c_int64_t), intent(inout), optional :: words(*)
         !> Number of words of the saved run.
@@ -536,7 +537,7 @@ contains
         c_save_state = problem%stat
     end function c_save_state
 
-    !> Continue a saved run.
+    !> Restore a saved run.
     integer(c_int) function c_restore_state(handle, count, words) bind(C, name='tandem_restore_state')
         type(c_ptr), value :: handle
         integer(c_int), value :: count
@@ -552,8 +553,8 @@ contains
         c_restore_state = problem%stat
     end function c_restore_state
 
-    !> Number of the current smooth piece of the model's functions of time, 1 before the first breakpoint. May be called from the
-    !> functions of the model.
+    !> Index of the current smooth piece of the model's functions of time, 1 before the first breakpoint. The functions of the model
+    !> may call this function.
     integer(c_int) function c_get_segment(handle) bind(C, name='tandem_get_segment')
         type(c_ptr), value :: handle
         type(problem_type), pointer :: problem
@@ -564,7 +565,8 @@ contains
         if (associated(problem%model)) c_get_segment = problem%model%segment
     end function c_get_segment
 
-    !> First operation of every function of the interface: find the problem of a handle; false, with a status, if it is invalid.
+    !> Find the problem of a handle, which every function of the interface does first. False, with a status, if the handle is
+    !> invalid.
     logical function found(handle, problem, stat)
         type(c_ptr), intent(in) :: handle
         type(problem_type), pointer, intent(out) :: problem

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Functions of the C interface about equilibria and linearised systems, see `tandem_legacy_c`.
+!> C interface to equilibria and linearised systems; see `tandem_legacy_c`.
 module tandem_legacy_c_analysis
     use tandem_legacy_c_text, only: text_of
     use tandem_legacy_handle, only: find => problem_of
@@ -13,15 +13,15 @@ module tandem_legacy_c_analysis
 
 contains
 
-    !> Eigenvalues of small motions about a state.
+    !> Compute the eigenvalues of small motions about a state.
     integer(c_int) function c_linearise(handle, t, q, qd, count, re, im, a) bind(C, name='tandem_linearise')
         type(c_ptr), value :: handle
         real(c_double), value :: t
         !> Coordinates and velocities (n).
         real(c_double), intent(in), optional :: q(*), qd(*)
-        !> Number of eigenvalues.
+        !> Number of eigenvalues, at most 2 n.
         integer(c_int), intent(inout), optional :: count
-        !> Real and imaginary parts, with room for 2 n each, and the matrix, with room for 4 n^2.
+        !> Real and imaginary parts of the eigenvalues, arrays of size 2 n; system matrix, an array of size 4 n^2.
         real(c_double), intent(inout), optional :: re(*), im(*), a(*)
         type(problem_type), pointer :: problem
 
@@ -36,11 +36,11 @@ contains
         c_linearise = problem%stat
     end function c_linearise
 
-    !> Move coordinates to the nearest equilibrium.
+    !> Find the equilibrium nearest to given coordinates.
     integer(c_int) function c_find_equilibrium(handle, t, q) bind(C, name='tandem_find_equilibrium')
         type(c_ptr), value :: handle
         real(c_double), value :: t
-        !> Coordinates (n).
+        !> Coordinates (n): a guess on entry, the equilibrium on return.
         real(c_double), intent(inout), optional :: q(*)
         type(problem_type), pointer :: problem
 
@@ -55,13 +55,14 @@ contains
         c_find_equilibrium = problem%stat
     end function c_find_equilibrium
 
-    !> Move coordinates and velocities to the nearest steady motion.
+    !> Find the steady motion nearest to a given state.
     integer(c_int) function c_find_steady_motion(handle, t, q, qd, motions) bind(C, name='tandem_find_steady_motion')
         type(c_ptr), value :: handle
         real(c_double), value :: t
-        !> Coordinates and velocities (n).
+        !> Coordinates and velocities (n): a guess on entry, the steady motion on return.
         real(c_double), intent(inout), optional :: q(*), qd(*)
-        !> A text; NULL for all symmetries.
+        !> Names of the motions of symmetry along which the motion is steady, separated by blanks or commas, as a C string; NULL for
+        !> all symmetries of the model.
         type(c_ptr), value :: motions
         type(problem_type), pointer :: problem
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Functions of the C interface for mechanisms described by keys, see `tandem_legacy_c`.
+!> C interface to mechanisms that are described by keys; see `tandem_legacy_c`.
 module tandem_legacy_c_mechanism
     use tandem_legacy_c_model, only: c_model_type
     use tandem_legacy_c_text, only: text_of, value_of
@@ -16,9 +16,9 @@ module tandem_legacy_c_mechanism
 
 contains
 
-    !> Create a problem for a mechanism; NULL only without memory for it.
+    !> Create a problem for a mechanism; NULL only if there is no memory for it.
     type(c_ptr) function c_new_mechanism(user_data) bind(C, name='tandem_new_mechanism')
-        !> Passed through to the functions of events.
+        !> Argument of all functions of events.
         type(c_ptr), value :: user_data
         type(c_model_type), pointer :: model
         class(callback_model_type), pointer :: callbacks
@@ -33,7 +33,7 @@ contains
         callbacks => model
         c_new_mechanism = new_handle(callbacks, 0, 0, 0, stat)
         call find(c_new_mechanism, problem)
-        if (associated(problem)) call problem%await_mechanism()
+        if (associated(problem)) call problem%set_up_mechanism()
     end function c_new_mechanism
 
     !> Set the value of a key.
@@ -48,7 +48,7 @@ contains
         c_set_key = problem%stat
     end function c_set_key
 
-    !> Build the mechanism.
+    !> Build the mechanism from its keys.
     integer(c_int) function c_define(handle, planar, may_be_open, t_start, t_end) bind(C, name='tandem_define')
         type(c_ptr), value :: handle
         integer(c_int), value :: planar, may_be_open
@@ -62,7 +62,7 @@ contains
         c_define = problem%stat
     end function c_define
 
-    !> Numbers of coordinates and constraints; zeros if there is no model yet.
+    !> Return the numbers of coordinates and constraints; zeros before the mechanism is built.
     integer(c_int) function c_get_sizes(handle, n, n_holonomic, n_nonholonomic) bind(C, name='tandem_get_sizes')
         type(c_ptr), value :: handle
         integer(c_int), intent(inout), optional :: n, n_holonomic, n_nonholonomic
@@ -80,10 +80,10 @@ contains
         c_get_sizes = problem%stat
     end function c_get_sizes
 
-    !> State of the reference configuration.
+    !> Return the state of the reference configuration.
     integer(c_int) function c_get_drawing(handle, q, qd) bind(C, name='tandem_get_drawing')
         type(c_ptr), value :: handle
-        !> (n)
+        !> Coordinates and velocities (n).
         real(c_double), intent(inout), optional :: q(*), qd(*)
         type(problem_type), pointer :: problem
 
@@ -98,10 +98,10 @@ contains
         c_get_drawing = problem%stat
     end function c_get_drawing
 
-    !> Name of a coordinate, unit or row.
+    !> Return the name or the unit of a coordinate, or the name of a row.
     integer(c_int) function c_get_name(handle, what, index, capacity, text) bind(C, name='tandem_get_name')
         type(c_ptr), value :: handle, what
-        !> From 0; number of characters that fit, including the NUL.
+        !> Index from 0; size of the buffer, including the terminating NUL.
         integer(c_int), value :: index, capacity
         character(kind=c_char), intent(inout), optional :: text(*)
         type(problem_type), pointer :: problem

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose procedures are functions of C. They have the types that `include/tandem.h` declares.
+!> Models whose procedures are C functions. `include/tandem.h` declares the types of these functions.
 module tandem_legacy_c_model
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
@@ -20,19 +20,19 @@ module tandem_legacy_c_model
             real(c_double), value :: t
             !> Coordinates (n).
             real(c_double), intent(in) :: q(*)
-            !> The complete term; matrices by rows.
+            !> The complete term; matrices are stored by rows.
             real(c_double), intent(inout) :: value(*)
             !> Argument of `tandem_new`.
             type(c_ptr), value :: user_data
         end function c_position
 
-        !> `tandem_motion_function`, a term of time, position and velocity, or the function of an event; and
-        !> `tandem_direction_function`, a derivative with a constant vector.
+        !> `tandem_motion_function`: a term of time, position and velocity, or the function of an event.
+        !> `tandem_direction_function`: a derivative with a constant vector.
         integer(c_int) function c_motion(t, q, v, value, user_data) bind(C)
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
             real(c_double), value :: t
-            !> Coordinates (n); velocities (n), or the vector, (n) or (nh + nd).
+            !> Coordinates (n); velocities (n), or constant vector (n) or (nh + nd).
             real(c_double), intent(in) :: q(*), v(*)
             real(c_double), intent(inout) :: value(*)
             type(c_ptr), value :: user_data
@@ -52,9 +52,9 @@ module tandem_legacy_c_model
         end function c_evaluate
     end interface
 
-    !> A model whose procedures are functions of C.
+    !> Model whose procedures are C functions.
     type, extends(callback_model_type) :: c_model_type
-        !> Passed through to every function.
+        !> Argument of all functions.
         type(c_ptr) :: user_data = c_null_ptr
     contains
         procedure :: call_one, call_fused
@@ -81,15 +81,15 @@ contains
         end if
     end subroutine call_one
 
-    subroutine call_fused(self, need, t, q, qd, place, stat)
+    subroutine call_fused(self, need, t, q, qd, ptr, stat)
         class(c_model_type), intent(inout) :: self
         integer, intent(in) :: need
         real(wp), intent(in) :: t, q(*), qd(*)
-        type(c_ptr), intent(in) :: place(n_terms)
+        type(c_ptr), intent(in) :: ptr(n_terms)
         integer, intent(out) :: stat
         procedure(c_evaluate), pointer :: evaluate
 
         call c_f_procpointer(self%fused, evaluate)
-        stat = evaluate(need, t, q, qd, place(1), place(2), place(3), place(4), place(5), place(6), self%user_data)
+        stat = evaluate(need, t, q, qd, ptr(1), ptr(2), ptr(3), ptr(4), ptr(5), ptr(6), self%user_data)
     end subroutine call_fused
 end module tandem_legacy_c_model

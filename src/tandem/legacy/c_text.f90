@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Conversion of C texts, which end with a NUL, to Fortran texts.
+!> Conversion of C strings, terminated by a NUL, to Fortran texts.
 module tandem_legacy_c_text
     use, intrinsic :: iso_c_binding, only: c_associated, c_char, c_f_pointer, c_ptr, c_size_t
     implicit none (type, external)
@@ -7,13 +7,13 @@ module tandem_legacy_c_text
 
     public :: text_of, value_of
 
-    !> Upper bound of the length of names and values; a text without an end is cut here.
+    !> Largest length of names and values. A text without a terminator is truncated to this length.
     integer(c_size_t), parameter :: longest_text = 256
-    !> Upper bound of the length of a list of numbers.
+    !> Largest length of a text that contains a list of numbers.
     integer(c_size_t), parameter :: longest_value = 1048576
 
     interface
-        !> strnlen of the C library: length of a text, of which at most `limit` characters are read.
+        !> strnlen of the C library: length of a text, of which at most `limit` characters are examined.
         pure integer(c_size_t) function strnlen(chars, limit) bind(C)
             import :: c_ptr, c_size_t
             implicit none (type, external)
@@ -55,7 +55,7 @@ contains
         call copy(chars, text)
     end function text_of
 
-    !> Copy as many characters as fit.
+    !> Copy as many characters as there is space for.
     subroutine copy(chars, text)
         type(c_ptr), intent(in) :: chars
         character(len=*), intent(out) :: text

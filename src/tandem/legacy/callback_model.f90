@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose procedures belong to a caller from another language. This module contains the common parts: the addresses of the
-!> user's procedures, and the targets of the model's procedure pointers, which convert the arguments to contiguous arrays. An
-!> extension for each language calls the user's procedure with the conventions of that language.
+!> Models whose procedures are provided by a caller in another language. This module contains the common parts: the addresses of the
+!> user's procedures, and the targets of the model's procedure pointers, which convert arguments to contiguous arrays. Extensions
+!> for each language call the user's procedures according to the conventions of that language.
 !>
-!> A procedure that returns 0 must have set its complete value. The last entry is marked before the call: if the mark is still
-!> there, the procedure has failed, such as one in Python that raises an exception.
+!> A procedure that returns 0 must have set its complete value. The last entry is marked before the call. If it still has the mark
+!> afterwards, the procedure has failed, such as a Python procedure that has raised an exception.
 !>
-!> Pointers to internal procedures are never made, so that no code is built on the stack.
+!> No pointers to internal procedures are used, because these would require code on the stack.
 module tandem_legacy_callback_model
     use tandem_kinds, only: long, wp
     use tandem_legacy_terms, only: a_constraint_acceleration, a_force_q, a_force_qd, a_gamma_q, a_gamma_qd, a_holonomic, &
@@ -23,24 +23,25 @@ module tandem_legacy_callback_model
 
     public :: callback_model_type
 
-    !> A model of a caller from another language; set the sizes first, then attach procedures one by one.
+    !> Model with procedures in another language. Set the sizes first, then attach the procedures.
     type, abstract, extends(procedure_model_type) :: callback_model_type
         !> True for languages that store matrices by rows, such as C.
         logical :: by_rows = .false.
-        !> User procedures by their index in `tandem_legacy_terms`, and the fused one.
+        !> User procedures, indexed as in `tandem_legacy_terms`, and the fused procedure.
         type(c_funptr) :: callback(n_callbacks) = c_null_funptr, fused = c_null_funptr
-        !> Memory for unrequested terms of the fused procedure, which may thus compute all terms each time; addresses of the terms.
+        !> Storage for terms that were not requested, so that the fused procedure may always compute all terms; addresses of the
+        !> terms.
         type(terms_type), pointer, private :: unwanted => null()
-        type(c_ptr), private :: elsewhere(n_terms) = c_null_ptr
-        !> A matrix during its conversion (n*n).
+        type(c_ptr), private :: scratch(n_terms) = c_null_ptr
+        !> Matrix that is being converted (n*n).
         real(wp), allocatable, private :: work(:)
     contains
-        procedure :: prepare, release, set_callback, set_fused, take_function
+        procedure :: prepare, release, set_callback, set_fused, evaluate_function
         procedure(call_interface), deferred :: call_one
         procedure(fused_interface), deferred :: call_fused
     end type callback_model_type
 
-    !> The mark: a NaN that computations do not produce.
+    !> Mark of a value that was not set: a NaN that computations do not produce.
     integer(long), parameter :: unset = int(z'7FF8756E73657421', long)
 
     abstract interface
@@ -54,16 +55,16 @@ module tandem_legacy_callback_model
             integer, intent(in) :: kind, rows
             !> Time, NaN if the term must not depend on it; coordinates (n).
             real(wp), intent(in) :: t, q(*)
-            !> Additional argument of a procedure of motion or direction: velocities (n), or constant vector x, (n) or (nh + nd).
+            !> Additional argument: velocities (n), or the constant vector x, (n) or (nh + nd).
             real(wp), intent(in) :: v(*)
-            !> A scalar, a vector (rows), or a matrix of so many rows and n columns.
+            !> Scalar, vector (rows), or matrix (rows, n).
             real(wp), intent(inout) :: value(*)
             !> Status of the user procedure.
             integer, intent(out) :: stat
         end subroutine call_interface
 
         !> Call the user's fused procedure.
-        subroutine fused_interface(self, need, t, q, qd, place, stat)
+        subroutine fused_interface(self, need, t, q, qd, ptr, stat)
             import :: c_ptr, callback_model_type, n_terms, wp
             implicit none (type, external)
             class(callback_model_type), intent(inout) :: self
@@ -71,14 +72,14 @@ module tandem_legacy_callback_model
             integer, intent(in) :: need
             real(wp), intent(in) :: t, q(*), qd(*)
             !> Addresses of Phi, C, nu, gamma, M, S + Q_A.
-            type(c_ptr), intent(in) :: place(n_terms)
+            type(c_ptr), intent(in) :: ptr(n_terms)
             integer, intent(out) :: stat
         end subroutine fused_interface
     end interface
 
 contains
 
-    !> Allocate work space for the sizes of the model, which must be valid.
+    !> Allocate the work space. The sizes of the model must be valid.
     subroutine prepare(self)
         class(callback_model_type), intent(inout) :: self
 
@@ -86,10 +87,10 @@ contains
         allocate (self%unwanted)
         associate (terms => self%unwanted)
             call terms%allocate(self%n, self%n_holonomic, self%n_nonholonomic, fills_mass=.false.)
-            self%elsewhere = [c_loc(terms%phi), c_loc(terms%jacobian), c_loc(terms%nu), c_loc(terms%gamma), c_loc(terms%mass), &
+            self%scratch = [c_loc(terms%phi), c_loc(terms%jacobian), c_loc(terms%nu), c_loc(terms%gamma), c_loc(terms%mass), &
                 c_loc(terms%force)]
         end associate
-        ! Callers set the whole array.
+        ! Users set the whole array.
         if (allocated(self%work)) deallocate (self%work)
         allocate (self%work(self%n*self%n))
     end subroutine prepare
@@ -102,12 +103,12 @@ contains
         self%unwanted => null()
     end subroutine release
 
-    !> Attach a procedure to the model, or detach it.
+    !> Attach a procedure to the model, or detach it if the address is null.
     subroutine set_callback(self, term, address)
         class(callback_model_type), intent(inout) :: self
         !> Index of the procedure in `tandem_legacy_terms`.
         integer, intent(in) :: term
-        !> Null detaches it.
+        !> Address of the procedure, or null.
         type(c_funptr), intent(in) :: address
         logical :: has
 
@@ -156,10 +157,10 @@ contains
         end select
     end subroutine set_callback
 
-    !> Attach a procedure for several terms to the model, or detach it.
+    !> Attach a fused procedure to the model, or detach it if the address is null.
     subroutine set_fused(self, address, provides)
         class(callback_model_type), intent(inout) :: self
-        !> Null detaches it.
+        !> Address of the procedure, or null.
         type(c_funptr), intent(in) :: address
         !> Provided terms, a sum of need bits.
         integer, intent(in) :: provides
@@ -170,75 +171,75 @@ contains
         if (c_associated(address)) self%evaluate => evaluate
     end subroutine set_fused
 
-    !> Find the addresses for a fused procedure: requested terms are written in place, others to scratch memory, and the Jacobian
-    !> there too if it comes by rows. Addresses keep the overhead small, because most calls request one short vector. Requested
-    !> terms are marked.
-    subroutine find_places(self, need, terms, place)
+    !> Find the addresses of the terms for a call of the fused procedure. Requested terms are written in place. Other terms, and a
+    !> Jacobian stored by rows, are written to scratch memory. Passing addresses is fast, because most calls request one short
+    !> vector. Requested terms are marked as not set.
+    subroutine find_addresses(self, need, terms, ptr)
         class(callback_model_type), intent(in) :: self
         !> Requested terms, a sum of need bits.
         integer, intent(in) :: need
         type(terms_type), intent(inout), target :: terms
         !> Addresses of Phi, C, nu, gamma, M, S + Q_A.
-        type(c_ptr), intent(out) :: place(n_terms)
+        type(c_ptr), intent(out) :: ptr(n_terms)
 
-        place = self%elsewhere
+        ptr = self%scratch
         if (iand(need, need_phi) /= 0) then
-            place(1) = c_loc(terms%phi)
+            ptr(1) = c_loc(terms%phi)
             call mark(size(terms%phi), terms%phi)
         end if
         if (iand(need, need_jacobian) /= 0) then
             if (self%by_rows) then
                 call mark(size(self%unwanted%jacobian), self%unwanted%jacobian)
             else
-                place(2) = c_loc(terms%jacobian)
+                ptr(2) = c_loc(terms%jacobian)
                 call mark(size(terms%jacobian), terms%jacobian)
             end if
         end if
         if (iand(need, need_nu) /= 0) then
-            place(3) = c_loc(terms%nu)
+            ptr(3) = c_loc(terms%nu)
             call mark(size(terms%nu), terms%nu)
         end if
         if (iand(need, need_gamma) /= 0) then
-            place(4) = c_loc(terms%gamma)
+            ptr(4) = c_loc(terms%gamma)
             call mark(size(terms%gamma), terms%gamma)
         end if
         if (iand(need, need_mass) /= 0) then
-            place(5) = c_loc(terms%mass)
+            ptr(5) = c_loc(terms%mass)
             call mark(size(terms%mass), terms%mass)
         end if
         if (iand(need, need_force) /= 0) then
-            place(6) = c_loc(terms%force)
+            ptr(6) = c_loc(terms%force)
             call mark(size(terms%force), terms%force)
         end if
-    end subroutine find_places
+    end subroutine find_addresses
 
-    !> Check that a fused procedure has set the requested terms. The mark of one term suffices for a procedure that has failed
-    !> before it set anything; after a later failure the remaining marks are NaN in the result.
-    subroutine judge_terms(self, need, terms, stat)
+    !> Check that a fused procedure has set the requested terms. One marked term suffices for a procedure that has failed before it
+    !> set any term. After a later failure, marks remain as NaN in the result.
+    subroutine check_terms(self, need, terms, stat)
         class(callback_model_type), intent(in) :: self
         integer, intent(in) :: need
         type(terms_type), intent(in) :: terms
-        !> Status of the procedure; negative if it has set nothing.
+        !> Status of the procedure; set to a negative value if no term was set.
         integer, intent(inout) :: stat
 
         if (iand(need, need_force) /= 0) then
-            call judge(size(terms%force), terms%force, stat)
+            call check_value(size(terms%force), terms%force, stat)
         else if (iand(need, need_mass) /= 0) then
-            call judge(size(terms%mass), terms%mass, stat)
+            call check_value(size(terms%mass), terms%mass, stat)
         else if (iand(need, need_phi) /= 0) then
-            call judge(size(terms%phi), terms%phi, stat)
+            call check_value(size(terms%phi), terms%phi, stat)
         else if (iand(need, need_gamma) /= 0) then
-            call judge(size(terms%gamma), terms%gamma, stat)
+            call check_value(size(terms%gamma), terms%gamma, stat)
         else if (iand(need, need_nu) /= 0) then
-            call judge(size(terms%nu), terms%nu, stat)
+            call check_value(size(terms%nu), terms%nu, stat)
         else if (self%by_rows) then
-            call judge(size(self%unwanted%jacobian), self%unwanted%jacobian, stat)
+            call check_value(size(self%unwanted%jacobian), self%unwanted%jacobian, stat)
         else
-            call judge(size(terms%jacobian), terms%jacobian, stat)
+            call check_value(size(terms%jacobian), terms%jacobian, stat)
         end if
-    end subroutine judge_terms
+    end subroutine check_terms
 
-    !> Mark the last entry of a value.
+    !> Mark a value as not set by its last entry.
     pure subroutine mark(n, value)
         integer, intent(in) :: n
         real(wp), intent(inout) :: value(*)
@@ -246,15 +247,15 @@ contains
         if (n > 0) value(n) = transfer(unset, value(n))
     end subroutine mark
 
-    !> Fail if a value still has its mark, whatever status the procedure returned.
-    pure subroutine judge(n, value, stat)
+    !> Return an error if a value is still marked, whatever status the procedure returned.
+    pure subroutine check_value(n, value, stat)
         integer, intent(in) :: n
         real(wp), intent(in) :: value(*)
         integer, intent(inout) :: stat
 
         if (n == 0 .or. stat /= 0) return
         if (transfer(value(n), unset) == unset) stat = -1
-    end subroutine judge
+    end subroutine check_value
 
     !> Convert storage by rows to storage by columns.
     pure subroutine from_rows(m, n, rows, value)
@@ -263,8 +264,7 @@ contains
         real(wp), intent(inout) :: value(m, n)
         integer :: first, i, j
 
-        ! Four rows at a time, so that their entries in a column are written together, because elimination reads them soon; then
-        ! two.
+        ! Four rows at a time, then two: entries of a column are written together, because the elimination reads them soon.
         first = 1
         do while (first + 3 <= m)
             !GCC$ novector
@@ -290,29 +290,29 @@ contains
 
     ! --- procedures to which the model's pointers point -----------------------------------------------------------------------
 
-    !> Several terms at once.
+    !> Evaluate several terms by the fused procedure.
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
         real(wp), intent(in) :: t, q(:), qd(:)
         type(terms_type), intent(inout) :: terms
         integer, intent(out) :: stat
-        type(c_ptr) :: place(n_terms)
+        type(c_ptr) :: ptr(n_terms)
 
         stat = -1
         select type (self)
         class is (callback_model_type)
-            call find_places(self, need, terms, place)
-            call self%call_fused(need, t, q, qd, place, stat)
-            call judge_terms(self, need, terms, stat)
+            call find_addresses(self, need, terms, ptr)
+            call self%call_fused(need, t, q, qd, ptr, stat)
+            call check_terms(self, need, terms, stat)
             if (self%by_rows .and. iand(need, need_jacobian) /= 0) then
                 call from_rows(size(terms%jacobian, 1), self%n, self%unwanted%jacobian, terms%jacobian)
             end if
         end select
     end subroutine evaluate
 
-    !> A vector of the user; procedures without an argument v receive q in its place.
-    subroutine take_vector(self, term, t, q, v, value, stat)
+    !> Evaluate a vector by the user's procedure. Procedures without an argument v receive q in its place.
+    subroutine evaluate_vector(self, term, t, q, v, value, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: term
         real(wp), intent(in) :: t, q(:), v(:)
@@ -324,26 +324,26 @@ contains
         class is (callback_model_type)
             call mark(size(value), value)
             call self%call_one(self%callback(term), terms(term)%kind, size(value), t, q, v, value, stat)
-            call judge(size(value), value, stat)
+            call check_value(size(value), value, stat)
         end select
-    end subroutine take_vector
+    end subroutine evaluate_vector
 
-    !> Value (1) of a user function of time, position and velocity that is not a term, such as that of an event.
-    subroutine take_function(self, address, t, q, qd, value, stat)
+    !> Evaluate a user's function of time, position and velocity that is not a term, such as that of an event.
+    subroutine evaluate_function(self, address, t, q, qd, value, stat)
         class(callback_model_type), intent(inout) :: self
         type(c_funptr), intent(in) :: address
         real(wp), intent(in) :: t, q(:), qd(:)
         real(wp), intent(out) :: value(:)
-        !> Status of the user procedure; negative if the value was not set.
+        !> Status of the procedure; negative if the value was not set.
         integer, intent(out) :: stat
 
         call mark(size(value), value)
         call self%call_one(address, of_motion, size(value), t, q, qd, value, stat)
-        call judge(size(value), value, stat)
-    end subroutine take_function
+        call check_value(size(value), value, stat)
+    end subroutine evaluate_function
 
-    !> A matrix of the user, stored in place, which may be a part of a larger matrix.
-    subroutine take_matrix(self, term, t, q, v, value, stat)
+    !> Evaluate a matrix by the user's procedure. It is stored in place and may be a part of a larger matrix.
+    subroutine evaluate_matrix(self, term, t, q, v, value, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: term
         real(wp), intent(in) :: t, q(:), v(:)
@@ -358,7 +358,7 @@ contains
         class is (callback_model_type)
             call mark(size(value), self%work)
             call self%call_one(self%callback(term), terms(term)%kind, rows, t, q, v, self%work, stat)
-            call judge(size(value), self%work, stat)
+            call check_value(size(value), self%work, stat)
             do j = 1, n
                 do i = 1, rows
                     if (self%by_rows) then
@@ -369,9 +369,9 @@ contains
                 end do
             end do
         end select
-    end subroutine take_matrix
+    end subroutine evaluate_matrix
 
-    !> Time for terms that must not depend on it: a term that uses it becomes NaN, which is detected.
+    !> Time for terms that must not depend on time. A term that uses it becomes NaN, which is detected.
     pure real(wp) function no_time()
         no_time = ieee_value(no_time, ieee_quiet_nan)
     end function no_time
@@ -382,7 +382,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call take_vector(self, a_holonomic, t, q, q, value, stat)
+        call evaluate_vector(self, a_holonomic, t, q, q, value, stat)
     end subroutine holonomic
 
     subroutine holonomic_jacobian(self, t, q, value, stat)
@@ -391,7 +391,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_holonomic_jacobian, t, q, q, value, stat)
+        call evaluate_matrix(self, a_holonomic_jacobian, t, q, q, value, stat)
     end subroutine holonomic_jacobian
 
     subroutine holonomic_rate(self, t, q, value, stat)
@@ -400,7 +400,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call take_vector(self, a_holonomic_rate, t, q, q, value, stat)
+        call evaluate_vector(self, a_holonomic_rate, t, q, q, value, stat)
     end subroutine holonomic_rate
 
     subroutine nonholonomic_jacobian(self, t, q, value, stat)
@@ -409,7 +409,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_nonholonomic_jacobian, t, q, q, value, stat)
+        call evaluate_matrix(self, a_nonholonomic_jacobian, t, q, q, value, stat)
     end subroutine nonholonomic_jacobian
 
     subroutine nonholonomic_rhs(self, t, q, value, stat)
@@ -418,7 +418,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call take_vector(self, a_nonholonomic_rhs, t, q, q, value, stat)
+        call evaluate_vector(self, a_nonholonomic_rhs, t, q, q, value, stat)
     end subroutine nonholonomic_rhs
 
     subroutine nu_derivative(self, t, q, value, stat)
@@ -427,7 +427,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_nu_derivative, t, q, q, value, stat)
+        call evaluate_matrix(self, a_nu_derivative, t, q, q, value, stat)
     end subroutine nu_derivative
 
     subroutine constraint_acceleration(self, t, q, qd, value, stat)
@@ -436,7 +436,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call take_vector(self, a_constraint_acceleration, t, q, qd, value, stat)
+        call evaluate_vector(self, a_constraint_acceleration, t, q, qd, value, stat)
     end subroutine constraint_acceleration
 
     subroutine applied_force(self, t, q, qd, value, stat)
@@ -445,7 +445,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call take_vector(self, an_applied_force, t, q, qd, value, stat)
+        call evaluate_vector(self, an_applied_force, t, q, qd, value, stat)
     end subroutine applied_force
 
     subroutine gamma_q(self, t, q, qd, value, stat)
@@ -454,7 +454,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_gamma_q, t, q, qd, value, stat)
+        call evaluate_matrix(self, a_gamma_q, t, q, qd, value, stat)
     end subroutine gamma_q
 
     subroutine gamma_qd(self, t, q, qd, value, stat)
@@ -463,7 +463,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_gamma_qd, t, q, qd, value, stat)
+        call evaluate_matrix(self, a_gamma_qd, t, q, qd, value, stat)
     end subroutine gamma_qd
 
     subroutine force_q(self, t, q, qd, value, stat)
@@ -472,7 +472,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_force_q, t, q, qd, value, stat)
+        call evaluate_matrix(self, a_force_q, t, q, qd, value, stat)
     end subroutine force_q
 
     subroutine force_qd(self, t, q, qd, value, stat)
@@ -481,7 +481,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_force_qd, t, q, qd, value, stat)
+        call evaluate_matrix(self, a_force_qd, t, q, qd, value, stat)
     end subroutine force_qd
 
     subroutine jacobian_derivative(self, t, q, x, value, stat)
@@ -490,7 +490,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_jacobian_derivative, t, q, x, value, stat)
+        call evaluate_matrix(self, a_jacobian_derivative, t, q, x, value, stat)
     end subroutine jacobian_derivative
 
     subroutine reaction_derivative(self, t, q, x, value, stat)
@@ -499,7 +499,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_reaction_derivative, t, q, x, value, stat)
+        call evaluate_matrix(self, a_reaction_derivative, t, q, x, value, stat)
     end subroutine reaction_derivative
 
     subroutine mass_matrix(self, q, value, stat)
@@ -508,7 +508,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_mass_matrix, no_time(), q, q, value, stat)
+        call evaluate_matrix(self, a_mass_matrix, no_time(), q, q, value, stat)
     end subroutine mass_matrix
 
     subroutine mass_derivative(self, q, x, value, stat)
@@ -517,7 +517,7 @@ contains
         real(wp), intent(out) :: value(:, :)
         integer, intent(out) :: stat
 
-        call take_matrix(self, a_mass_derivative, no_time(), q, x, value, stat)
+        call evaluate_matrix(self, a_mass_derivative, no_time(), q, x, value, stat)
     end subroutine mass_derivative
 
     subroutine inertia_force(self, q, qd, value, stat)
@@ -526,7 +526,7 @@ contains
         real(wp), intent(out) :: value(:)
         integer, intent(out) :: stat
 
-        call take_vector(self, an_inertia_force, no_time(), q, qd, value, stat)
+        call evaluate_vector(self, an_inertia_force, no_time(), q, qd, value, stat)
     end subroutine inertia_force
 
     subroutine potential_energy(self, t, q, value, stat)
@@ -536,7 +536,7 @@ contains
         integer, intent(out) :: stat
         real(wp) :: energy(1)
 
-        call take_vector(self, a_potential_energy, t, q, q, energy, stat)
+        call evaluate_vector(self, a_potential_energy, t, q, q, energy, stat)
         value = energy(1)
     end subroutine potential_energy
 
@@ -547,7 +547,7 @@ contains
         integer, intent(out) :: stat
         real(wp) :: energy(1)
 
-        call take_vector(self, a_kinetic_energy, no_time(), q, qd, energy, stat)
+        call evaluate_vector(self, a_kinetic_energy, no_time(), q, qd, energy, stat)
         value = energy(1)
     end subroutine kinetic_energy
 end module tandem_legacy_callback_model

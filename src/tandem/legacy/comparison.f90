@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Comparison of a caller's procedures with differences, reported in the terms of their language: the first wrong one, the entry,
-!> and both values.
+!> Comparison of a caller's procedures with differences. The report uses the notation of the caller's language: the first wrong
+!> procedure, the entry, and both values.
 module tandem_legacy_comparison
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -16,20 +16,20 @@ module tandem_legacy_comparison
 
     public :: compare_procedures
 
-    !> Number of random states near the given one, as for `tandem check`.
+    !> Number of random states near the given state, as in `tandem check`.
     integer, parameter :: n_states = 10
     !> Length of the description of an entry.
     integer, parameter :: place_length = label_length + 48
 
 contains
 
-    !> Compare every procedure of a model with differences of another one near (t, q, qd). A running simulation of the model is not
-    !> affected.
+    !> Compare every procedure of a model with differences of other procedures near (t, q, qd). A running simulation of the model is
+    !> not affected.
     subroutine compare_procedures(model, t, q, qd, error)
         class(callback_model_type), intent(inout), target :: model
         !> Time, coordinates and velocities (n).
         real(wp), intent(in) :: t, q(:), qd(:)
-        !> invalid_option if t, q or qd is not finite, invalid_model if something is missing or wrong, else the status of a
+        !> invalid_option if t, q or qd is not finite; invalid_model if a procedure is missing or wrong; otherwise the status of a
         !> procedure that could not be evaluated.
         type(error_type), allocatable, intent(out) :: error
         type(finding_type), allocatable :: findings(:)
@@ -43,11 +43,11 @@ contains
         call find_segment(model, t, error)
         if (.not. allocated(error)) call verify_model(model, t, q, qd, n_states, findings, error)
         model%segment = segment
-        if (.not. allocated(error)) call tell_first(model, t, findings, error)
+        if (.not. allocated(error)) call report_first(model, t, findings, error)
     end subroutine compare_procedures
 
-    !> Report the first wrong procedure, because later comparisons may fail for the same reason; and the number of wrong ones.
-    subroutine tell_first(model, t, findings, error)
+    !> Report the first wrong procedure, since errors of later procedures may have the same cause, and the number of wrong ones.
+    subroutine report_first(model, t, findings, error)
         class(callback_model_type), intent(in) :: model
         real(wp), intent(in) :: t
         type(finding_type), intent(in) :: findings(:)
@@ -65,12 +65,12 @@ contains
             end if
             if (.not. ieee_is_finite(finding%value)) then
                 call set_error(error, status_invalid_model, trim(finding%name)//' gives '//to_text(finding%value)//': '// &
-                    trim(place(model, finding))//' near the state', 'it must return finite numbers there, or the status 1')
+                    trim(location(model, finding))//' near the state', 'it must return finite numbers there, or the status 1')
                 return
             else if (.not. ieee_is_finite(finding%expected)) then
-                ! Not an error of the compared procedure: a value from which differences are taken is not a number.
+                ! The compared procedure is not at fault: a value required for the differences is NaN.
                 call set_error(error, status_invalid_model, trim(finding%name)//' cannot be compared: '// &
-                    trim(source(model, finding))//' '//to_text(finding%expected)//' for '//trim(place(model, finding)), &
+                    trim(source(model, finding))//' '//to_text(finding%expected)//' for '//trim(location(model, finding)), &
                     'check whether terms overflow in these units')
                 return
             end if
@@ -78,13 +78,13 @@ contains
             if (count(.not. findings%passed) > 1) others = '; '//to_text(count(.not. findings%passed) - 1)// &
                 ' more are wrong, perhaps for that reason'
             call set_error(error, status_invalid_model, trim(subject(model, finding))//' by '// &
-                to_text(finding%error)//' of its largest entry: '//trim(place(model, finding))//' is '// &
+                to_text(finding%error)//' of its largest entry: '//trim(location(model, finding))//' is '// &
                 to_text(finding%value)//', '//trim(source(model, finding))//' '//to_text(finding%expected)//trim(others), &
                 'correct it, or the procedure that it is compared with')
         end associate
-    end subroutine tell_first
+    end subroutine report_first
 
-    !> Subject of the report.
+    !> Subject of the message.
     pure function subject(model, finding) result(text)
         class(callback_model_type), intent(in) :: model
         type(finding_type), intent(in) :: finding
@@ -105,8 +105,8 @@ contains
         end select
     end function subject
 
-    !> An entry in the notation of the caller's language, and its constraint.
-    pure function place(model, finding) result(text)
+    !> Entry in the notation of the caller's language, and the constraint to which it belongs.
+    pure function location(model, finding) result(text)
         class(callback_model_type), intent(in) :: model
         type(finding_type), intent(in) :: finding
         character(len=place_length) :: text
@@ -118,12 +118,12 @@ contains
             text = trim(text)//' (constraint "'//model%row_name(finding%row)//'")'
         case default ! Rows of the others are coordinates.
         end select
-    end function place
+    end function location
 
-    !> Indices of an entry: [0][2] in C, (1,3) in Fortran.
+    !> Indices of an entry, as [0][2] in C and (1,3) in Fortran.
     pure function entry_text(by_rows, row, column) result(text)
         logical, intent(in) :: by_rows
-        !> From 1; column 0 for a vector.
+        !> Row and column from 1; column 0 for a vector.
         integer, intent(in) :: row, column
         character(len=40) :: text
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Description of a problem by a caller of the C or the Fortran 77 interface: its model, options, events; and the status and message
-!> of the last operation. `tandem_legacy_problem` adds the run.
+!> Description of a problem of the C or Fortran 77 interface: its model, options and events, and the status and message of the last
+!> operation. `tandem_legacy_problem` adds the run.
 module tandem_legacy_description
     use tandem_analysis_linearisation, only: linearisation_type
     use tandem_analysis_equilibrium_search, only: equilibrium_search_type
@@ -10,7 +10,7 @@ module tandem_legacy_description
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_comparison, only: compare_procedures
     use tandem_legacy_events, only: callback_event_type, event_list_type
-    use tandem_legacy_settings, only: set_option, take_flags, take_list
+    use tandem_legacy_settings, only: set_option, copy_flags, copy_list
     use tandem_legacy_terms, only: find_term, names_of_kind, terms
     use tandem_legacy_wording, only: in_words_of
     use tandem_mechanism_entries, only: entries_type
@@ -26,42 +26,42 @@ module tandem_legacy_description
 
     public :: description_type, check_sizes, message_of_no_problem, message_length
 
-    !> Message without a problem to store one.
+    !> Message if there is no problem that could contain one.
     character(len=*), parameter :: message_of_no_problem = &
         'invalid_option: invalid handle; create a problem with tandem_new or TDNEW'
     character(len=*), parameter :: message_of_success = 'ok: success'
-    !> Upper bound of the length of messages; longer ones are cut.
+    !> Largest length of messages; longer ones are truncated.
     integer, parameter :: message_length = 2047
-    !> Largest number of rows of matrices whose size is a default integer.
+    !> Largest number of rows of a matrix whose number of entries is a default integer.
     integer, parameter :: largest_n = 32767
     !> Approximate number of matrices of n rows and columns in a run.
     integer, parameter :: n_matrices = 20
 
     type :: description_type
-        !> Model of the run: the user's procedures, or a mechanism, which is null until it is complete.
+        !> Model of the run: the user's procedures, or a mechanism; for the latter null until it is built.
         class(model_type), pointer :: model => null()
         !> User procedures; for a mechanism only those of events.
         class(callback_model_type), pointer :: callbacks => null()
         !> True if the model is a mechanism; its keys.
         logical :: is_mechanism = .false.
         type(entries_type) :: keys
-        !> Options, which take effect at the next start.
+        !> Options. Changes take effect at the next start.
         type(options_type) :: options
-        !> Settings of an assembled start.
+        !> Options of an assembly of the start.
         type(assembly_type), private :: assembly
         type(event_list_type) :: events
         !> Status of the last operation.
         integer :: stat = status_ok
-        !> Message of the last operation, terminated by a NUL. Its address never changes: callers of C may store it, and a call of
-        !> `printf` may evaluate it before the operation in another argument.
+        !> Message of the last operation, terminated by a NUL. Its address never changes, because C callers may store it, and
+        !> `printf` may evaluate it before another argument performs the operation.
         character(kind=c_char) :: message(message_length + 1) = c_null_char
         logical, private :: sizes_can_be = .false.
-        !> True while there is a run; changing the model ends it.
+        !> True while there is a run. Changing the model ends the run.
         logical :: started = .false.
-        !> True during calls of user procedures: data in use must not change. Read only.
+        !> True during calls of user procedures, in which data in use must not be changed. Read only.
         logical :: busy = .false.
     contains
-        procedure :: set_up, await_mechanism, prepare, release, refuse
+        procedure :: set_up, set_up_mechanism, prepare, release, refuse
         procedure :: set_procedure, set_evaluate, set => set_named, set_vector, set_row_name
         procedure :: add_event, clear_events
         procedure :: check, linearise, find_equilibrium, find_steady_motion, assemble => assemble_start
@@ -74,7 +74,7 @@ contains
     !> Create a problem for a model without procedures. The status states whether the sizes are valid.
     subroutine set_up(self, model, n, n_holonomic, n_nonholonomic)
         class(description_type), intent(inout) :: self
-        !> The problem takes over the pointer.
+        !> Model. The problem becomes the owner of the pointer.
         class(callback_model_type), pointer, intent(in) :: model
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
@@ -91,16 +91,16 @@ contains
         call self%conclude(error)
     end subroutine set_up
 
-    !> Create a problem for a mechanism without keys.
-    subroutine await_mechanism(self)
+    !> Create a problem for a mechanism that has no keys yet.
+    subroutine set_up_mechanism(self)
         class(description_type), intent(inout) :: self
 
         self%is_mechanism = .true.
         self%model => null()
         call self%succeed()
-    end subroutine await_mechanism
+    end subroutine set_up_mechanism
 
-    !> Allocate work space for the user's procedures, whose sizes must be valid; a mechanism must be complete.
+    !> Allocate the work space of the user's procedures, whose sizes must be valid. A mechanism must have been built.
     subroutine prepare(self, error)
         class(description_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -122,7 +122,7 @@ contains
         if (self%is_mechanism) call self%refuse('the library supplies the equations of a mechanism', 'describe it by keys')
     end function is_by_procedures
 
-    !> Release all memory; false if called from a user procedure.
+    !> Release all memory. False if called from a user procedure.
     logical function release(self)
         class(description_type), intent(inout) :: self
 
@@ -135,7 +135,7 @@ contains
         deallocate (self%callbacks)
     end function release
 
-    !> Refuse sizes whose work space cannot be allocated.
+    !> Refuse sizes for which the work space cannot be allocated.
     subroutine check_sizes(model, error)
         class(callback_model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
@@ -162,7 +162,7 @@ contains
         end if
     end subroutine check_sizes
 
-    !> End an operation with a status and a message.
+    !> Conclude an operation with a status and a message.
     subroutine conclude(self, error)
         class(description_type), intent(inout) :: self
         type(error_type), allocatable, intent(in) :: error
@@ -179,7 +179,7 @@ contains
         end if
     end subroutine conclude
 
-    !> End an operation that was called with invalid arguments.
+    !> Conclude an operation that has invalid arguments.
     subroutine refuse(self, message, advice)
         class(description_type), intent(inout) :: self
         !> Problem and remedy.
@@ -199,7 +199,7 @@ contains
             'do not call the interface within procedures of the model')
     end function is_free
 
-    !> Change the model: its run ends and must be started again.
+    !> Prepare a change of the model, which ends its run.
     subroutine change_model(self)
         class(description_type), intent(inout) :: self
 
@@ -210,11 +210,11 @@ contains
     !> Set a procedure of the model.
     subroutine set_procedure(self, name, kind, address)
         class(description_type), intent(inout) :: self
-        !> Name of the procedure, in either case.
+        !> Name of the procedure in upper or lower case.
         character(len=*), intent(in) :: name
         !> Kind of its argument list, see `tandem_legacy_terms`.
         integer, intent(in) :: kind
-        !> Null removes it.
+        !> Address of the procedure; null removes it.
         type(c_funptr), intent(in) :: address
         character(len=*), parameter :: arguments(3) = [character(len=10) :: '(t, q)', '(t, q, qd)', '(t, q, x)']
         integer :: term
@@ -234,12 +234,12 @@ contains
         end if
     end subroutine set_procedure
 
-    !> Set a procedure of several terms.
+    !> Set the fused procedure.
     subroutine set_evaluate(self, address, provides)
         class(description_type), intent(inout) :: self
-        !> Null removes it.
+        !> Address of the procedure; null removes it.
         type(c_funptr), intent(in) :: address
-        !> Provided terms, a sum of need bits; ignored if the procedure is removed.
+        !> Terms that it provides, a sum of need bits; ignored if the procedure is removed.
         integer, intent(in) :: provides
         integer, parameter :: all_terms = need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force
 
@@ -254,7 +254,7 @@ contains
         end if
     end subroutine set_evaluate
 
-    !> End a successful operation.
+    !> Conclude a successful operation.
     subroutine succeed(self)
         class(description_type), intent(inout) :: self
         type(error_type), allocatable :: no_error
@@ -262,8 +262,8 @@ contains
         call self%conclude(no_error)
     end subroutine succeed
 
-    !> Set an option to a number, an integer or a word; or constant_mass, which belongs to the model, to an integer, nonzero for
-    !> true; or a setting of an assembled start.
+    !> Set a value by name: an option, to a number, an integer or a word; constant_mass, a property of the model, to an integer,
+    !> nonzero for true; or an option of the assembly of a start.
     subroutine set_named(self, name, number, whole, word)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -283,13 +283,13 @@ contains
         end if
     end subroutine set_named
 
-    !> Set a list of numbers of the model: coordinate_scale (n), breakpoints, nu_jumps (as many; nonzero if nu jumps), mass_blocks
-    !> (sizes of the diagonal blocks of M); of an assembled start: weight_q, weight_qd, fixed_q, fixed_qd (n; nonzero if fixed); or
-    !> of the options. An empty list removes it.
+    !> Set a list of numbers by name. Lists of the model: coordinate_scale (n), breakpoints, nu_jumps (one per breakpoint, nonzero
+    !> if nu jumps), mass_blocks (sizes of the diagonal blocks of M). Lists of the assembly of a start: weight_q, weight_qd,
+    !> fixed_q, fixed_qd (n, nonzero if fixed). Or lists of the options. An empty list removes the values.
     subroutine set_vector(self, name, values)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: name
-        !> Checked when a run starts, or a start is assembled.
+        !> Values. They are checked when a run is started or a start is assembled.
         real(wp), intent(in) :: values(:)
         type(error_type), allocatable :: error
 
@@ -300,9 +300,9 @@ contains
         case default
         end select
         select case (lower_case(name))
-        case ('coordinate_scale'); call take_list(values, self%model%coordinate_scale)
+        case ('coordinate_scale'); call copy_list(values, self%model%coordinate_scale)
         case ('breakpoints'); self%model%breakpoints = values
-        case ('nu_jumps'); call take_flags(values, self%model%nu_jumps)
+        case ('nu_jumps'); call copy_flags(values, self%model%nu_jumps)
         case ('mass_blocks')
             if (.not. all(values >= 1.0_wp .and. values <= real(largest_n, wp) .and. abs(values - aint(values)) <= 0.0_wp)) then
                 call self%refuse('an entry of mass_blocks is not a valid size', 'use positive integers')
@@ -318,10 +318,10 @@ contains
         call self%change_model()
     end subroutine set_vector
 
-    !> Name a constraint row, for messages.
+    !> Set the name of a constraint row for messages.
     subroutine set_row_name(self, row, name)
         class(description_type), intent(inout) :: self
-        !> Row of C from 1, holonomic rows first.
+        !> Index of the row of C from 1, holonomic rows first.
         integer, intent(in) :: row
         character(len=*), intent(in) :: name
         character(len=label_length), allocatable :: names(:)
@@ -351,9 +351,9 @@ contains
     subroutine add_event(self, name, direction, stops, quantity, index, value, function_)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: name
-        !> +1 for a rise, -1 for a fall, 0 for both; not 0: the run ends there.
+        !> The direction is +1 rising, -1 falling, 0 both. Nonzero `stops`: the run ends at the event.
         integer, intent(in) :: direction, stops
-        !> Watched quantity, its entry from 1, and the value; or a function.
+        !> Watched quantity, index of its entry from 1, and the value to be reached; or a function.
         character(len=*), intent(in), optional :: quantity
         integer, intent(in), optional :: index
         real(wp), intent(in), optional :: value
@@ -372,7 +372,7 @@ contains
         call self%conclude(error)
     end subroutine add_event
 
-    !> Remove all events from the next start on.
+    !> Remove all events. Takes effect at the next start.
     subroutine clear_events(self)
         class(description_type), intent(inout) :: self
 
@@ -381,7 +381,7 @@ contains
         call self%succeed()
     end subroutine clear_events
 
-    !> Compare the procedures with differences of each other near (t, q, qd). A current run is not affected.
+    !> Compare the procedures with differences of each other near (t, q, qd). A run in progress is not affected.
     subroutine check(self, t, q, qd)
         class(description_type), intent(inout) :: self
         !> Time, coordinates and velocities (n).
@@ -399,7 +399,7 @@ contains
         call self%conclude(error)
     end subroutine check
 
-    !> Eigenvalues of small motions about (t, q, qd), which satisfies the constraints. A current run is not affected.
+    !> Eigenvalues of small motions about (t, q, qd), which must satisfy the constraints. A run in progress is not affected.
     subroutine linearise(self, t, q, qd, count, re, im, a)
         class(description_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(*), qd(*)
@@ -430,11 +430,11 @@ contains
         call self%conclude(error)
     end subroutine linearise
 
-    !> Move q to the nearest equilibrium at t, stable or not. A current run is not affected.
+    !> Find the equilibrium nearest to q at t, whether stable or not. A run in progress is not affected.
     subroutine find_equilibrium(self, t, q)
         class(description_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Coordinates (n); unchanged if none is found.
+        !> Coordinates (n): a guess on entry, the equilibrium on return; unchanged if none is found.
         real(wp), intent(inout) :: q(*)
         type(equilibrium_search_type), allocatable :: search
         type(error_type), allocatable :: error
@@ -451,13 +451,13 @@ contains
         call self%conclude(error)
     end subroutine find_equilibrium
 
-    !> Move (q, qd) to the nearest steady motion at t. A current run is not affected.
+    !> Find the steady motion nearest to (q, qd) at t. A run in progress is not affected.
     subroutine find_steady_motion(self, t, q, qd, motions)
         class(description_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Coordinates and velocities (n); unchanged if none is found.
+        !> Coordinates and velocities (n): a guess on entry, the steady motion on return; unchanged if none is found.
         real(wp), intent(inout) :: q(*), qd(*)
-        !> Motions to be steady: words of `find_steady_from_words`, separated by blanks or commas.
+        !> Motions along which the result is steady, in the syntax of `find_steady_from_words`, separated by blanks or commas.
         character(len=*), intent(in) :: motions
         type(equilibrium_search_type), allocatable :: search
         type(error_type), allocatable :: error
@@ -477,7 +477,7 @@ contains
         call self%conclude(error)
     end subroutine find_steady_motion
 
-    !> Move (q, qd) to the nearest state at t that satisfies the constraints. A current run is not affected.
+    !> Find the state nearest to (q, qd) at t that satisfies the constraints. A run in progress is not affected.
     subroutine assemble_start(self, t, q, qd)
         class(description_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -498,7 +498,7 @@ contains
         call self%conclude(error)
     end subroutine assemble_start
 
-    !> Store a message for C, cut to its room.
+    !> Store the message for C, truncated to the available length.
     subroutine set_message(self, text)
         class(description_type), intent(inout) :: self
         character(len=*), intent(in) :: text

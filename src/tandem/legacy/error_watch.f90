@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Error of a run of a caller from another language, by a second, more accurate run: the run is recorded from its start to an end
-!> given in advance, over any number of calls, then the second one is made.
+!> Error of a run in the C and Fortran 77 interfaces, estimated by a second, more accurate run. The first run is recorded from its
+!> start to an end that is specified in advance, over any number of calls; then the second run is made.
 module tandem_legacy_error_watch
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
@@ -18,25 +18,25 @@ module tandem_legacy_error_watch
     !> Error of a run.
     type :: error_watch_type
         type(global_error_type) :: global_error
-        !> Reason of a failure of the second run.
+        !> Reason for which the second run failed.
         type(error_type), allocatable :: failure
-        !> True while the run is recorded and has not reached the end; the end.
+        !> True while the run is being recorded; end of the recording.
         logical, private :: is_on = .false.
         real(wp), private :: t_end = 0.0_wp
-        !> True if it was recorded from its start; the start (n).
+        !> True if the run was recorded from its start; state at the start (n).
         logical, private :: has_begun = .false.
         real(wp), allocatable, private :: q(:), qd(:)
     contains
-        procedure :: begin, forget, integrate, step, estimate
+        procedure :: begin, discard, integrate, step, estimate
     end type error_watch_type
 
 contains
 
-    !> Record a run that is at its start.
+    !> Begin recording a run at its start.
     subroutine begin(self, simulation, t_end, error)
         class(error_watch_type), intent(inout) :: self
         type(simulation_type), intent(in) :: simulation
-        !> Time at which the error is to be estimated.
+        !> Time at which the error will be estimated.
         real(wp), intent(in) :: t_end
         type(error_type), allocatable, intent(out) :: error
         type(statistics_type) :: statistics
@@ -47,7 +47,7 @@ contains
         else if (.not. (t_end > simulation%state%t .and. ieee_is_finite(t_end))) then
             call set_error(error, status_invalid_option, 'the end must be finite and after the start', 'choose a later end')
         else
-            call self%forget()
+            call self%discard()
             call self%global_error%initialize(size(simulation%state%q), simulation%state%t, t_end)
             self%q = simulation%state%q
             self%qd = simulation%state%qd
@@ -57,17 +57,17 @@ contains
         end if
     end subroutine begin
 
-    !> Reset for another run, or none.
-    subroutine forget(self)
+    !> Discard the recorded data.
+    subroutine discard(self)
         class(error_watch_type), intent(inout) :: self
 
         self%is_on = .false.
         self%has_begun = .false.
         self%global_error%is_known = .false.
         if (allocated(self%failure)) deallocate (self%failure)
-    end subroutine forget
+    end subroutine discard
 
-    !> Integrate to t_end; if an earlier end was given for the estimate, a step ends there.
+    !> Integrate to t_end. A step ends at the end of the recording, if this lies before t_end.
     subroutine integrate(self, simulation, t_end, error)
         class(error_watch_type), intent(inout) :: self
         type(simulation_type), intent(inout) :: simulation
@@ -82,7 +82,7 @@ contains
         call simulation%integrate(t_end, error)
     end subroutine integrate
 
-    !> One step that does not pass t_limit, nor the end given for the estimate.
+    !> Perform one step that goes neither beyond t_limit nor beyond the end of the recording.
     subroutine step(self, simulation, t_limit, error)
         class(error_watch_type), intent(inout) :: self
         type(simulation_type), intent(inout) :: simulation
@@ -100,13 +100,14 @@ contains
         if (.not. (self%is_on .or. allocated(error))) call self%global_error%observe(simulation, at_end, error)
     end subroutine step
 
-    !> Make the second run; the first one can be continued unaffected.
+    !> Estimate the error by a second run. The first run can be continued as if nothing had happened.
     subroutine estimate(self, model, simulation, error)
         class(error_watch_type), intent(inout) :: self
         !> Model of the run.
         class(model_type), intent(inout), target :: model
         type(simulation_type), intent(in) :: simulation
-        !> invalid_option if the run was not recorded or is not at the end yet; else the reason of a failure of the second run.
+        !> invalid_option if the run was not recorded or has not reached the end of the recording; otherwise the reason for which
+        !> the second run failed.
         type(error_type), allocatable, intent(out) :: error
         integer :: segment
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Events of a caller from another language: a coordinate, a velocity or a multiplier reaches a value, or a function of the caller
-!> passes through zero. They are recorded or stop the run.
+!> Events in the C and Fortran 77 interfaces: a coordinate, a velocity or a multiplier reaches a value, or a function of the caller
+!> passes through zero. Events are recorded, or stop the run.
 module tandem_legacy_events
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -20,7 +20,7 @@ module tandem_legacy_events
     !> Quantities that can be watched.
     character(len=6), parameter :: quantities(3) = [character(len=6) :: 'q', 'qd', 'lambda']
 
-    !> A threshold, or a function if there is one.
+    !> Event of a caller: at zeros of its function, or, without a function, at a threshold.
     type, extends(threshold_event_type) :: callback_event_type
         class(callback_model_type), pointer :: model => null()
         type(c_funptr) :: function_ = c_null_funptr
@@ -28,7 +28,7 @@ module tandem_legacy_events
         procedure :: evaluate
     end type callback_event_type
 
-    !> Requested events, which take effect at the next start, and events of the current run, which do not move in memory.
+    !> Requested events, which take effect at the next start, and the events of the current run, whose addresses must not change.
     type :: event_list_type
         type(callback_event_type), allocatable, private :: wanted(:)
         type(callback_event_type), pointer, private :: watched(:) => null()
@@ -43,11 +43,12 @@ contains
         class(event_list_type), intent(inout) :: self
         !> Unique name.
         character(len=*), intent(in) :: name
-        !> Model, direction, stop, and entry with value or function; all other components are set.
+        !> Event. Its model, direction, `stops`, and its entry and value or its function are set on entry; all other components are
+        !> set here.
         type(callback_event_type), intent(inout) :: event
         !> invalid_option if the event is invalid.
         type(error_type), allocatable, intent(out) :: error
-        !> See `threshold_event_type`; in either case. Absent for a function.
+        !> Quantity to watch, in upper or lower case, see `threshold_event_type`. Absent for a function.
         character(len=*), intent(in), optional :: quantity
         integer :: n
 
@@ -96,7 +97,7 @@ contains
         if (allocated(self%wanted)) deallocate (self%wanted)
     end subroutine clear
 
-    !> Attach the requested events to a run that has just started, in place of all previous ones.
+    !> Attach the requested events to a run that has just started, in place of all previous events.
     subroutine watch(self, simulation)
         class(event_list_type), intent(inout) :: self
         type(simulation_type), intent(inout) :: simulation
@@ -110,7 +111,7 @@ contains
         end do
     end subroutine watch
 
-    !> Remove the events of a run that has ended.
+    !> Release the events of a run that has ended.
     subroutine release(self)
         class(event_list_type), intent(inout) :: self
 
@@ -130,7 +131,7 @@ contains
         end do
     end function stopped_by
 
-    !> The caller's function, or the quantity minus the value.
+    !> Function of the caller, or the quantity minus the value.
     subroutine evaluate(self, t, q, qd, lambda, value, stat)
         class(callback_event_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
@@ -139,7 +140,7 @@ contains
         real(wp) :: values(1)
 
         if (c_associated(self%function_)) then
-            call self%model%take_function(self%function_, t, q, qd, values, stat)
+            call self%model%evaluate_function(self%function_, t, q, qd, values, stat)
             value = values(1)
         else
             call self%threshold_event_type%evaluate(t, q, qd, lambda, value, stat)

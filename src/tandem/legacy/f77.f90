@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-! The Fortran 77 interface: external subroutines, so that callers need no module. doc/linking.md describes them; include/tandem.inc
-! contains the named constants. Names have at most six characters, as required by the language.
+! The Fortran 77 interface: external subroutines, so that callers need no module. doc/linking.md describes them, and
+! include/tandem.inc contains the named constants. Names have at most six characters, as the language requires.
 !
-! H(4) is a handle, IERR the status. RPAR and IPAR are passed through to the procedures of the model in each call that may call
-! them. The public part of this file is listed in include/interface.txt.
+! H(4) is a handle and IERR the status. RPAR and IPAR are passed to the procedures of the model in all calls that may call them.
+! include/interface.txt lists the public part of this file.
 
 !> Version of the interface, to be compared with TDIVER of the include file.
 subroutine tdvers(iver)
@@ -38,7 +38,7 @@ end subroutine tdnew
 
 !> Free a problem. The handle becomes zero.
 subroutine tdfree(h, ierr)
-    use tandem_legacy_handle, only: give_back, problem_of, to_address
+    use tandem_legacy_handle, only: free_handle, problem_of, to_address
     use tandem_legacy_problem, only: problem_type
     use tandem_status, only: status_invalid_option, status_ok
     implicit none (type, external)
@@ -49,7 +49,7 @@ subroutine tdfree(h, ierr)
     ierr = status_invalid_option
     call problem_of(to_address(h), problem)
     if (.not. associated(problem)) return
-    if (.not. give_back(to_address(h))) then
+    if (.not. free_handle(to_address(h))) then
         ierr = problem%stat
         return
     end if
@@ -57,7 +57,7 @@ subroutine tdfree(h, ierr)
     ierr = status_ok
 end subroutine tdfree
 
-!> Text of the last IERR.
+!> Return the message of the last IERR.
 subroutine tdtext(h, text)
     use tandem_legacy_description, only: message_length, message_of_no_problem
     use tandem_legacy_handle, only: problem_of, to_address
@@ -77,13 +77,13 @@ subroutine tdtext(h, text)
         if (problem%message(i) == c_null_char) exit
         if (i <= len(text)) text(i:i) = problem%message(i)
     end do
-    ! Mark a text that is cut.
+    ! Indicate that the text is truncated.
     if (i - 1 > len(text)) text(max(1, len(text) - 2):) = '...'
 end subroutine tdtext
 
 !> Set a procedure of (T, Q): the subroutine SUB(N, M, T, Q, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tdpos(h, name, sub, ierr)
-    use tandem_legacy_f77_model, only: f77_position, found, problem_type, unless_none
+    use tandem_legacy_f77_model, only: f77_position, found, problem_type, address_or_null
     use tandem_legacy_terms, only: of_position
     use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
@@ -94,13 +94,13 @@ subroutine tdpos(h, name, sub, ierr)
     type(problem_type), pointer :: problem
 
     if (.not. found(h, problem, ierr)) return
-    call problem%set_procedure(name, of_position, unless_none(c_funloc(sub)))
+    call problem%set_procedure(name, of_position, address_or_null(c_funloc(sub)))
     ierr = problem%stat
 end subroutine tdpos
 
 !> Set a procedure of (T, Q, QD): the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tdmot(h, name, sub, ierr)
-    use tandem_legacy_f77_model, only: f77_motion, found, problem_type, unless_none
+    use tandem_legacy_f77_model, only: f77_motion, found, problem_type, address_or_null
     use tandem_legacy_terms, only: of_motion
     use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
@@ -111,13 +111,13 @@ subroutine tdmot(h, name, sub, ierr)
     type(problem_type), pointer :: problem
 
     if (.not. found(h, problem, ierr)) return
-    call problem%set_procedure(name, of_motion, unless_none(c_funloc(sub)))
+    call problem%set_procedure(name, of_motion, address_or_null(c_funloc(sub)))
     ierr = problem%stat
 end subroutine tdmot
 
 !> Set a procedure of (T, Q, X): the subroutine SUB(N, M, T, Q, X, VAL, RPAR, IPAR, ISTAT), or TDNONE.
 subroutine tddir(h, name, sub, ierr)
-    use tandem_legacy_f77_model, only: f77_direction, found, problem_type, unless_none
+    use tandem_legacy_f77_model, only: f77_direction, found, problem_type, address_or_null
     use tandem_legacy_terms, only: of_direction
     use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
@@ -128,14 +128,14 @@ subroutine tddir(h, name, sub, ierr)
     type(problem_type), pointer :: problem
 
     if (.not. found(h, problem, ierr)) return
-    call problem%set_procedure(name, of_direction, unless_none(c_funloc(sub)))
+    call problem%set_procedure(name, of_direction, address_or_null(c_funloc(sub)))
     ierr = problem%stat
 end subroutine tddir
 
-!> Set a procedure of several terms, SUB(NEED, N, NH, ND, T, Q, QD, PHI, C, ANU, GAM, AM, F, RPAR, IPAR, ISTAT), or TDNONE; IPROV is
-!> the sum of the constants of the provided terms, ignored with TDNONE.
+!> Set a procedure of several terms, SUB(NEED, N, NH, ND, T, Q, QD, PHI, C, ANU, GAM, AM, F, RPAR, IPAR, ISTAT), or TDNONE. IPROV is
+!> the sum of the constants of the terms that it provides; ignored with TDNONE.
 subroutine tdeval(h, sub, iprov, ierr)
-    use tandem_legacy_f77_model, only: f77_evaluate, found, problem_type, unless_none
+    use tandem_legacy_f77_model, only: f77_evaluate, found, problem_type, address_or_null
     use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
     integer, intent(in) :: h(4)
@@ -145,7 +145,7 @@ subroutine tdeval(h, sub, iprov, ierr)
     type(problem_type), pointer :: problem
 
     if (.not. found(h, problem, ierr)) return
-    call problem%set_evaluate(unless_none(c_funloc(sub)), iprov)
+    call problem%set_evaluate(address_or_null(c_funloc(sub)), iprov)
     ierr = problem%stat
 end subroutine tdeval
 
@@ -179,7 +179,7 @@ subroutine tdseti(h, name, ivalue, ierr)
     ierr = problem%stat
 end subroutine tdseti
 
-!> Set an option that is a word.
+!> Set an option whose value is a word.
 subroutine tdsets(h, name, word, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -213,7 +213,7 @@ subroutine tdsetv(h, name, k, values, ierr)
     ierr = problem%stat
 end subroutine tdsetv
 
-!> Name the constraint row I, from 1, holonomic rows first.
+!> Set the name of constraint row I, from 1, holonomic rows first.
 subroutine tdrow(h, i, name, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -227,8 +227,8 @@ subroutine tdrow(h, i, name, ierr)
     ierr = problem%stat
 end subroutine tdrow
 
-!> Watch the entry I of QUANT, which is q, qd or lambda, for the value VALUE; IDIR: 1 for a rise through it, -1 for a fall, 0 for
-!> both; ISTOP not 0: the run ends there.
+!> Add an event at which entry I of QUANT (q, qd or lambda) reaches VALUE. IDIR: 1 rising, -1 falling, 0 both. If ISTOP is not 0,
+!> the run ends at the event.
 subroutine tdevnt(h, name, quant, i, value, idir, istop, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -243,9 +243,9 @@ subroutine tdevnt(h, name, quant, i, value, idir, istop, ierr)
     ierr = problem%stat
 end subroutine tdevnt
 
-!> Watch the subroutine SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT), M = 1, for zeros of VAL(1); IDIR and ISTOP as in TDEVNT.
+!> Add an event at zeros of VAL(1), as set by SUB(N, M, T, Q, QD, VAL, RPAR, IPAR, ISTAT) with M = 1. IDIR and ISTOP as in TDEVNT.
 subroutine tdevfn(h, name, sub, idir, istop, ierr)
-    use tandem_legacy_f77_model, only: f77_motion, found, problem_type, unless_none
+    use tandem_legacy_f77_model, only: f77_motion, found, problem_type, address_or_null
     use, intrinsic :: iso_c_binding, only: c_funloc
     implicit none (type, external)
     integer, intent(in) :: h(4), idir, istop
@@ -255,11 +255,11 @@ subroutine tdevfn(h, name, sub, idir, istop, ierr)
     type(problem_type), pointer :: problem
 
     if (.not. found(h, problem, ierr)) return
-    call problem%add_event(name, idir, istop, function_=unless_none(c_funloc(sub)))
+    call problem%add_event(name, idir, istop, function_=address_or_null(c_funloc(sub)))
     ierr = problem%stat
 end subroutine tdevfn
 
-!> Remove all events from the next start on.
+!> Remove all events. Takes effect at the next start.
 subroutine tdevcl(h, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -272,7 +272,7 @@ subroutine tdevcl(h, ierr)
     ierr = problem%stat
 end subroutine tdevcl
 
-!> Number of recorded events.
+!> Return the number of recorded events.
 subroutine tdnevt(h, n, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -286,8 +286,8 @@ subroutine tdnevt(h, n, ierr)
     ierr = problem%stat
 end subroutine tdnevt
 
-!> Event at place I in the order of time: its index NUMBER, the direction IDIR in which it passed through zero, the time T and the
-!> state Q(N), QD(N).
+!> Return recorded event I in the order of time: index NUMBER of the event, direction IDIR in which its function passed through
+!> zero, time T, and state Q(N), QD(N).
 subroutine tdgevt(h, i, number, idir, t, q, qd, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -306,7 +306,7 @@ subroutine tdgevt(h, i, number, idir, t, q, qd, ierr)
     ierr = problem%stat
 end subroutine tdgevt
 
-!> Index of the event that has stopped the run; 0 if none has.
+!> Return the index of the event that has stopped the run; 0 if none has.
 subroutine tdstop(h, number, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -320,7 +320,7 @@ subroutine tdstop(h, number, ierr)
     ierr = problem%stat
 end subroutine tdstop
 
-!> Watch the run from its start to TEND, to estimate its error.
+!> Record the run from its start to TEND, for an estimate of its error.
 subroutine tdwerr(h, tend, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -334,7 +334,7 @@ subroutine tdwerr(h, tend, ierr)
     ierr = problem%stat
 end subroutine tdwerr
 
-!> Estimate the error of the run by a second one.
+!> Estimate the error of the recorded run by a second run.
 subroutine tdeerr(h, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -397,7 +397,7 @@ subroutine tdstrt(h, t, q, qd, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdstrt
 
-!> Integrate to TEND; if this is the current time, nothing is done. T, Q(N), QD(N) are then the state reached, also after a failure
+!> Integrate to TEND; no action if this is the current time. T, Q(N), QD(N) return the state that was reached, also after a failure
 !> before TEND.
 subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -416,7 +416,7 @@ subroutine tdintg(h, t, q, qd, tend, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdintg
 
-!> One accepted step that does not pass TLIM. T, Q(N), QD(N) are then the state reached.
+!> Perform one accepted step that does not go beyond TLIM. T, Q(N), QD(N) return the state that was reached.
 subroutine tdstep(h, t, q, qd, tlim, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -434,7 +434,7 @@ subroutine tdstep(h, t, q, qd, tlim, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdstep
 
-!> The state Q(N), QD(N), QDD(N) at a time T within the last step.
+!> Return the state Q(N), QD(N), QDD(N) at a time T within the last step.
 subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -450,7 +450,7 @@ subroutine tddens(h, t, q, qd, qdd, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tddens
 
-!> The multipliers ALAM(NH + ND) at a time T within the last step.
+!> Return the multipliers ALAM(NH + ND) at a time T within the last step.
 subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -466,7 +466,7 @@ subroutine tdlamb(h, t, alam, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdlamb
 
-!> Kinetic and potential energy of the current state.
+!> Return the kinetic and the potential energy of the current state.
 subroutine tdener(h, ekin, epot, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -484,7 +484,7 @@ subroutine tdener(h, ekin, epot, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdener
 
-!> One figure of the run.
+!> Return one statistic of the run.
 subroutine tdstat(h, name, value, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -500,7 +500,7 @@ subroutine tdstat(h, name, value, ierr)
     ierr = problem%stat
 end subroutine tdstat
 
-!> Number of warnings of the run.
+!> Return the number of warnings of the run.
 subroutine tdnwrn(h, nwarn, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -514,7 +514,7 @@ subroutine tdnwrn(h, nwarn, ierr)
     ierr = problem%stat
 end subroutine tdnwrn
 
-!> Text of warning I, from 1, cut to the length of TEXT.
+!> Return the text of warning I, from 1, truncated to the length of TEXT.
 subroutine tdwarn(h, i, text, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -531,7 +531,7 @@ subroutine tdwarn(h, i, text, ierr)
     ierr = problem%stat
 end subroutine tdwarn
 
-!> Save the run in the integers ISAVE(NSAVE), of which N are used; with NSAVE = 0 only N is returned.
+!> Save the run in the integers ISAVE(NSAVE), of which N are used. With NSAVE = 0 only N is returned.
 subroutine tdsave(h, nsave, isave, n, ierr)
     use tandem_error, only: to_text
     use tandem_kinds, only: long
@@ -558,11 +558,11 @@ subroutine tdsave(h, nsave, isave, n, ierr)
         end if
         ierr = problem%stat
     end if
-    ! Last, for callers that pass one variable for both numbers.
+    ! Set N last, because callers may pass the same variable for NSAVE and N.
     n = needed
 end subroutine tdsave
 
-!> Continue the run that TDSAVE has stored in ISAVE(N).
+!> Restore the run that TDSAVE has stored in ISAVE(N).
 subroutine tdrest(h, n, isave, ierr)
     use tandem_kinds, only: long
     use tandem_legacy_f77_model, only: found, problem_type
@@ -581,8 +581,8 @@ subroutine tdrest(h, n, isave, ierr)
     ierr = problem%stat
 end subroutine tdrest
 
-!> Number of the current smooth piece of the model's functions of time, 1 before the first breakpoint; 0 for an invalid H. May be
-!> called from the procedures of the model.
+!> Return the index of the current smooth piece of the model's functions of time: 1 before the first breakpoint, 0 for an invalid H.
+!> The procedures of the model may call this subroutine.
 subroutine tdsegm(h, iseg)
     use tandem_legacy_handle, only: problem_of, to_address
     use tandem_legacy_problem, only: problem_type

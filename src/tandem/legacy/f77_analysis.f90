@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
-! Subroutines of the Fortran 77 interface about equilibria and linearised systems; the others are in f77.f90.
+! Fortran 77 interface to equilibria and linearised systems; f77.f90 contains the other subroutines.
 
-!> Eigenvalues RE(K), IM(K) of small motions about T, Q(N), QD(N), and the matrix A(K*K), by columns; K is at most 2 N.
+!> Compute the eigenvalues RE(K), IM(K) of small motions about T, Q(N), QD(N), and the system matrix A(K*K), by columns. K is at
+!> most 2 N.
 subroutine tdlin(h, t, q, qd, k, re, im, a, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -19,7 +20,7 @@ subroutine tdlin(h, t, q, qd, k, re, im, a, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdlin
 
-!> Move Q(N) to the nearest equilibrium at T.
+!> Find the equilibrium nearest to Q(N) at T.
 subroutine tdequi(h, t, q, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)
@@ -35,8 +36,8 @@ subroutine tdequi(h, t, q, rpar, ipar, ierr)
     ierr = problem%stat
 end subroutine tdequi
 
-!> Move Q(N), QD(N) to the nearest steady motion at T along MOTION: names separated by blanks or commas, NAME=RATE for a given rate;
-!> a blank text for all symmetries.
+!> Find the steady motion nearest to Q(N), QD(N) at T. MOTION contains names of motions of symmetry, separated by blanks or commas,
+!> with NAME=RATE for a given rate; blank for all symmetries of the model.
 subroutine tdstdy(h, t, q, qd, motion, rpar, ipar, ierr)
     use tandem_legacy_f77_model, only: found, problem_type, wp
     implicit none (type, external)

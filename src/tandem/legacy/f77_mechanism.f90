@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-! Subroutines of the Fortran 77 interface for mechanisms described by keys; the others are in f77.f90. Trailing blanks of keys and
+! Fortran 77 interface to mechanisms that are described by keys; f77.f90 contains the other subroutines. Trailing blanks of keys and
 ! values are ignored.
 
 !> Create a problem for a mechanism.
@@ -22,11 +22,11 @@ subroutine tdmech(h, ierr)
     callback_model => model
     call to_handle(new_handle(callback_model, 0, 0, 0, stat), h)
     if (.not. found(h, problem, ierr)) return
-    call problem%await_mechanism()
+    call problem%set_up_mechanism()
     ierr = problem%stat
 end subroutine tdmech
 
-!> Set the key KEY to a value as in scene files: '1.5', '"a text"', 'true', '[0, "l/2"]'.
+!> Set key KEY to a value in the syntax of scene files: '1.5', '"a text"', 'true', '[0, "l/2"]'.
 subroutine tdkey(h, key, value, ierr)
     use tandem_legacy_mechanism_keys, only: set_key
     use tandem_legacy_f77_model, only: found, problem_type
@@ -41,7 +41,7 @@ subroutine tdkey(h, key, value, ierr)
     ierr = problem%stat
 end subroutine tdkey
 
-!> Set the key KEY to the number X.
+!> Set key KEY to the number X.
 subroutine tdknum(h, key, x, ierr)
     use tandem_legacy_mechanism_keys, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -58,7 +58,7 @@ subroutine tdknum(h, key, x, ierr)
     ierr = problem%stat
 end subroutine tdknum
 
-!> Set the key KEY to the text TEXT, without quotes: a word, a name, or an expression.
+!> Set key KEY to the text TEXT, given without quotes: a word, a name, or an expression.
 subroutine tdktxt(h, key, text, ierr)
     use tandem_legacy_mechanism_keys, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type
@@ -74,7 +74,7 @@ subroutine tdktxt(h, key, text, ierr)
     ierr = problem%stat
 end subroutine tdktxt
 
-!> Set the key KEY to the list of numbers X(N).
+!> Set key KEY to the list of numbers X(N).
 subroutine tdkvec(h, key, n, x, ierr)
     use tandem_legacy_mechanism_keys, only: set_value
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -104,8 +104,8 @@ subroutine tdkvec(h, key, n, x, ierr)
     ierr = problem%stat
 end subroutine tdkvec
 
-!> Build the mechanism from its keys. IPLAN not 0: in the plane; IOPEN not 0: joints may be open in the reference configuration;
-!> kinks of functions of time are searched from T0 to T1.
+!> Build the mechanism from its keys. If IPLAN is not 0, it is planar. If IOPEN is not 0, joints may be open in the reference
+!> configuration. Kinks of functions of time are searched between T0 and T1.
 subroutine tddefn(h, iplan, iopen, t0, t1, ierr)
     use tandem_legacy_mechanism_keys, only: define_mechanism
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -120,7 +120,7 @@ subroutine tddefn(h, iplan, iopen, t0, t1, ierr)
     ierr = problem%stat
 end subroutine tddefn
 
-!> Numbers of coordinates, holonomic and nonholonomic constraints; zeros if there is no model yet.
+!> Return the numbers of coordinates, holonomic and nonholonomic constraints; zeros before the mechanism is built.
 subroutine tdsize(h, n, nh, nd, ierr)
     use tandem_legacy_f77_model, only: found, problem_type
     implicit none (type, external)
@@ -141,7 +141,7 @@ subroutine tdsize(h, n, nh, nd, ierr)
     ierr = problem%stat
 end subroutine tdsize
 
-!> State of the reference configuration, Q(N) and QD(N).
+!> Return the state Q(N), QD(N) of the reference configuration.
 subroutine tddraw(h, q, qd, ierr)
     use tandem_legacy_mechanism_keys, only: get_reference_state
     use tandem_legacy_f77_model, only: found, problem_type, wp
@@ -156,7 +156,7 @@ subroutine tddraw(h, q, qd, ierr)
     ierr = problem%stat
 end subroutine tddraw
 
-!> Name of coordinate I (WHAT = 'coordinate'), its unit ('unit'), or name of constraint row I ('row'), from 1.
+!> Return the name of coordinate I (WHAT = 'coordinate'), its unit ('unit'), or the name of constraint row I ('row'). I is from 1.
 subroutine tdname(h, what, i, text, ierr)
     use tandem_legacy_mechanism_keys, only: get_name
     use tandem_legacy_f77_model, only: found, problem_type

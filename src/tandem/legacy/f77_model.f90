@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> A model whose procedures are external subroutines in the style of Fortran 77; RPAR and IPAR are passed through.
+!> Models whose procedures are external subroutines in the style of Fortran 77, to which RPAR and IPAR are passed.
 module tandem_legacy_f77_model
     use tandem_kinds, only: wp
     use tandem_legacy_callback_model, only: callback_model_type
@@ -13,8 +13,8 @@ module tandem_legacy_f77_model
     implicit none (type, external)
     private
 
-    public :: f77_model_type, unless_none, found, f77_position, f77_motion, f77_direction, f77_evaluate
-    ! Also needed by the subroutines of the interface.
+    public :: f77_model_type, address_or_null, found, f77_position, f77_motion, f77_direction, f77_evaluate
+    ! For the subroutines of the interface.
     public :: problem_type, wp
 
     abstract interface
@@ -22,7 +22,7 @@ module tandem_legacy_f77_model
         subroutine f77_position(n, m, t, q, val, rpar, ipar, istat)
             import :: wp
             implicit none (type, external)
-            !> Number of coordinates; rows of VAL: VAL(M), or VAL(M, N) for a matrix.
+            !> Number of coordinates; number of rows of VAL, which is VAL(M), or VAL(M, N) for a matrix.
             integer, intent(in) :: n, m
             !> Time; coordinates (n).
             real(wp), intent(in) :: t, q(*)
@@ -31,7 +31,7 @@ module tandem_legacy_f77_model
             !> Arrays of the caller.
             real(wp), intent(inout) :: rpar(*)
             integer, intent(inout) :: ipar(*)
-            !> 0 on entry; > 0 cannot be evaluated here, < 0 stop.
+            !> 0 on entry. On return: 0 if evaluated, > 0 if it cannot be evaluated here, < 0 to stop the run.
             integer, intent(inout) :: istat
         end subroutine f77_position
 
@@ -72,7 +72,7 @@ module tandem_legacy_f77_model
     end interface
 
     abstract interface
-        !> `f77_evaluate` as called: arrays are passed by address, as in Fortran 77.
+        !> `f77_evaluate` in the form in which it is called: arrays are passed by address, as in Fortran 77.
         subroutine f77_evaluate_by_address(need, n, nh, nd, t, q, qd, phi, c, anu, gam, am, f, rpar, ipar, istat) bind(C)
             import :: c_double, c_int, c_ptr
             implicit none (type, external)
@@ -84,9 +84,9 @@ module tandem_legacy_f77_model
         end subroutine f77_evaluate_by_address
     end interface
 
-    !> A model whose procedures are subroutines of Fortran 77.
+    !> Model whose procedures are Fortran 77 subroutines.
     type, extends(callback_model_type) :: f77_model_type
-        !> First entries of the arrays passed in the current call of the interface.
+        !> First entries of the arrays that the current call of the interface has passed.
         real(wp), pointer, contiguous, private :: rpar(:) => null()
         integer, pointer, contiguous, private :: ipar(:) => null()
     contains
@@ -95,21 +95,22 @@ module tandem_legacy_f77_model
 
 contains
 
-    !> Address of a procedure, null for the placeholder TDNONE.
-    type(c_funptr) function unless_none(address)
+    !> Address of a procedure; null for the placeholder TDNONE.
+    type(c_funptr) function address_or_null(address)
         type(c_funptr), intent(in) :: address
         procedure(f77_position) :: tdnone
 
-        unless_none = address
-        if (c_associated(address, c_funloc(tdnone))) unless_none = c_null_funptr
-    end function unless_none
+        address_or_null = address
+        if (c_associated(address, c_funloc(tdnone))) address_or_null = c_null_funptr
+    end function address_or_null
 
-    !> First operation of every subroutine of the interface: find the problem of a handle; false, with a status, if it is invalid.
+    !> Find the problem of a handle, which every subroutine of the interface does first. False, with a status, if the handle is
+    !> invalid.
     logical function found(h, problem, ierr, rpar, ipar)
         integer, intent(in) :: h(4)
         type(problem_type), pointer, intent(out) :: problem
         integer, intent(out) :: ierr
-        !> Passed through to the procedures of the model until the next call with these arguments.
+        !> Arrays for the procedures of the model, used until the next call with these arguments.
         real(wp), intent(inout), target, optional :: rpar(1)
         integer, intent(inout), target, optional :: ipar(1)
 
@@ -145,17 +146,17 @@ contains
         end if
     end subroutine call_one
 
-    subroutine call_fused(self, need, t, q, qd, place, stat)
+    subroutine call_fused(self, need, t, q, qd, ptr, stat)
         class(f77_model_type), intent(inout) :: self
         integer, intent(in) :: need
         real(wp), intent(in) :: t, q(*), qd(*)
-        type(c_ptr), intent(in) :: place(n_terms)
+        type(c_ptr), intent(in) :: ptr(n_terms)
         integer, intent(out) :: stat
         procedure(f77_evaluate_by_address), pointer :: evaluate
 
         stat = 0
         call c_f_procpointer(self%fused, evaluate)
-        call evaluate(need, self%n, self%n_holonomic, self%n_nonholonomic, t, q, qd, place(1), place(2), place(3), place(4), &
-            place(5), place(6), self%rpar, self%ipar, stat)
+        call evaluate(need, self%n, self%n_holonomic, self%n_nonholonomic, t, q, qd, ptr(1), ptr(2), ptr(3), ptr(4), &
+            ptr(5), ptr(6), self%rpar, self%ipar, stat)
     end subroutine call_fused
 end module tandem_legacy_f77_model

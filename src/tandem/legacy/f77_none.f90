@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Placeholder for a procedure that the model of a Fortran 77 caller lacks. It is recognised by its address and never called; a call
-!> would request the end of the run.
+!> Placeholder for a procedure that the model of a Fortran 77 caller does not have. It is recognised by its address and never
+!> called; a call would end the run.
 subroutine tdnone(n, m, t, q, val, rpar, ipar, istat)
     use tandem_kinds, only: wp
     implicit none (type, external)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Figures of a run by name, for callers without access to `statistics_type`: those of reports (`tandem_simulate_figures`), and the
-!> number of redundant rows. Also all warnings of a run.
+!> Statistics of a run by name, for callers without access to `statistics_type`: those of reports (`tandem_simulate_figures`) and
+!> the number of redundant rows. Also lists all warnings of a run.
 module tandem_legacy_figures
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: long, wp
@@ -17,13 +17,13 @@ module tandem_legacy_figures
 
     public :: find_warnings, get_figure
 
-    !> Length of the name of a figure.
+    !> Length of the name of a statistic.
     integer, parameter :: name_length = 40
 
-    !> Selects the figure of a name, in lower case.
+    !> Finds the statistic with a name, given in lower case.
     type, extends(figure_reader_type) :: finder_type
         character(len=name_length) :: name = ''
-        !> Length of the name: most other names are excluded by their length.
+        !> Length of the name, since comparing lengths excludes most other names.
         integer :: length = 0
         logical :: found = .false.
         real(wp) :: number = 0.0_wp
@@ -31,7 +31,7 @@ module tandem_legacy_figures
         procedure :: count => find_count, value => find_value
     end type finder_type
 
-    !> Lists the names of all figures.
+    !> Lists the names of all statistics.
     type, extends(figure_reader_type) :: lister_type
         character(len=:), allocatable :: names
     contains
@@ -40,16 +40,16 @@ module tandem_legacy_figures
 
 contains
 
-    !> One figure of a run; counters are exact up to 2**53.
+    !> Value of one statistic of a run; counters are exact up to 2**53.
     subroutine get_figure(simulation, global_error, name, value, error)
-        !> The run, and its error estimated by a second one.
+        !> The run, and its error as estimated by a second run.
         type(simulation_type), intent(in) :: simulation
         type(global_error_type), intent(in) :: global_error
-        !> Name of the figure, in either case.
+        !> Name of the statistic in upper or lower case.
         character(len=*), intent(in) :: name
-        !> Value; 0 if there is no such figure.
+        !> Value; 0 if there is no such statistic.
         real(wp), intent(out) :: value
-        !> invalid_option if there is no such figure.
+        !> invalid_option if there is no such statistic.
         type(error_type), allocatable, intent(out) :: error
         type(finder_type) :: finder
         type(lister_type) :: lister
@@ -68,18 +68,18 @@ contains
         finder%length = len_trim(finder%name)
         if (len_trim(name) <= name_length) then
             call tell_figures(simulation%statistics(), finder)
-            call tell_global_error(global_error, finder)
+            call pass_global_error(global_error, finder)
         end if
         value = finder%number
         if (finder%found) return
         lister%names = 'n_redundant'
         call tell_figures(simulation%statistics(), lister)
-        call tell_global_error(global_error, lister)
+        call pass_global_error(global_error, lister)
         call set_error(error, status_invalid_option, '"'//trim(name)//'" is not a statistic', 'there are '//lister%names)
     end subroutine get_figure
 
-    !> Figures of a second run, if one was made, by the names of reports.
-    subroutine tell_global_error(global_error, reader)
+    !> Pass the statistics of a second run, if one was made, to a reader, by their names in reports.
+    subroutine pass_global_error(global_error, reader)
         type(global_error_type), intent(in) :: global_error
         class(figure_reader_type), intent(inout) :: reader
 
@@ -92,7 +92,7 @@ contains
         call reader%count('global_error_is_bound', merge(1_long, 0_long, global_error%is_bound))
         call reader%count('global_error_right_hand_sides', global_error%right_hand_sides)
         call reader%value('global_error_seconds', global_error%seconds)
-    end subroutine tell_global_error
+    end subroutine pass_global_error
 
     subroutine find_count(self, name, number)
         class(finder_type), intent(inout) :: self
@@ -129,14 +129,14 @@ contains
         self%names = self%names//', '//lower_case(name)
     end subroutine list_value
 
-    !> Warnings for a report: those of the run, then those about its estimated error.
+    !> All warnings: those of the run, followed by those about its estimated error.
     subroutine find_warnings(simulation, watch, warnings)
         !> The run, and its estimated error.
         type(simulation_type), intent(in) :: simulation
         type(error_watch_type), intent(in) :: watch
-        !> Empty if there are none.
+        !> Warnings; empty if there are none.
         type(warning_type), allocatable, intent(out) :: warnings(:)
-        type(warning_type), allocatable :: doubts(:)
+        type(warning_type), allocatable :: error_warnings(:)
         integer :: i
 
         allocate (warnings(0))
@@ -145,9 +145,9 @@ contains
                 call add_warning(warnings, simulation%warnings(i)%text)
             end do
         end if
-        call find_error_warnings(simulation%options, simulation%statistics(), doubts, watch%global_error, watch%failure)
-        do i = 1, size(doubts)
-            call add_warning(warnings, doubts(i)%text)
+        call find_error_warnings(simulation%options, simulation%statistics(), error_warnings, watch%global_error, watch%failure)
+        do i = 1, size(error_warnings)
+            call add_warning(warnings, error_warnings(i)%text)
         end do
     end subroutine find_warnings
 end module tandem_legacy_figures

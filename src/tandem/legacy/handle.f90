@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> A handle is the address of a tag that points to a problem. The tag outlives the problem, so that a freed handle and its copies
-!> are refused; it takes sixteen bytes, which the C library frees at the end of the program. There is neither a table nor any other
-!> state shared by threads.
+!> A handle is the address of a tag that points to a problem. The tag remains when the problem is freed, so that a freed handle and
+!> its copies are recognised as invalid. A tag takes sixteen bytes, which are freed at the end of the program. Threads share no
+!> table or other state.
 !>
-!> A handle of Fortran 77 consists of four default integers, the address and a check word, so that other arrays are detected.
+!> A Fortran 77 handle consists of four default integers: the address and a check word, by which other arrays are recognised as
+!> invalid.
 module tandem_legacy_handle
     use tandem_legacy_callback_model, only: callback_model_type
     use tandem_legacy_problem, only: problem_type
@@ -14,23 +15,23 @@ module tandem_legacy_handle
     implicit none (type, external)
     private
 
-    public :: handle_length, new_handle, give_back, problem_of, to_handle, to_address
+    public :: handle_length, new_handle, free_handle, problem_of, to_handle, to_address
 
-    !> Integers in a handle of Fortran 77.
+    !> Number of integers in a Fortran 77 handle.
     integer, parameter :: handle_length = 4
     !> Constant of the check word.
     integer, parameter :: seal = 1413630030
 
     !> Target of the address in a handle.
     type :: tag_type
-        !> Null after the problem was freed.
+        !> Null once the problem has been freed.
         type(problem_type), pointer :: problem => null()
         !> Address of the tag, which identifies it: other memory is very unlikely to contain its own address.
         integer(c_intptr_t) :: address = 0
     end type tag_type
 
     interface
-        !> free of the C library.
+        !> free() of the C library.
         subroutine c_free_memory(address) bind(C, name='free')
             import :: c_ptr
             implicit none (type, external)
@@ -38,7 +39,7 @@ module tandem_legacy_handle
         end subroutine c_free_memory
 
         !> Register a function to be called with an argument at the end of the program, in reverse order of registration.
-        !> Thread-safe. Part of the C++ ABI, so that every C library provides it.
+        !> Thread-safe. Part of the C++ ABI, which every C library provides.
         integer(c_int) function at_exit(function_, argument, library) bind(C, name='__cxa_atexit')
             import :: c_funptr, c_int, c_ptr
             implicit none (type, external)
@@ -49,13 +50,14 @@ module tandem_legacy_handle
 
 contains
 
-    !> Create a problem for a model without procedures, and its handle; null without memory for them: the model is then freed.
+    !> Create a problem for a model without procedures, and its handle. Null if there is no memory for them; the model is then
+    !> freed.
     type(c_ptr) function new_handle(model, n, n_holonomic, n_nonholonomic, stat)
-        !> The problem takes over the pointer.
+        !> Model. The problem becomes the owner of the pointer.
         class(callback_model_type), pointer, intent(inout) :: model
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
-        !> Status of the sizes.
+        !> Status of the check of the sizes.
         integer, intent(out) :: stat
         type(tag_type), pointer :: tag
 
@@ -76,7 +78,7 @@ contains
         tag%address = transfer(new_handle, tag%address)
     end function new_handle
 
-    !> Problem of a handle; null for a null or freed handle.
+    !> Problem of a handle; null for a null handle or a freed one.
     subroutine problem_of(handle, problem)
         type(c_ptr), intent(in) :: handle
         type(problem_type), pointer, intent(out) :: problem
@@ -88,22 +90,22 @@ contains
         if (tag%address == transfer(handle, tag%address)) problem => tag%problem
     end subroutine problem_of
 
-    !> Free the problem of a handle; false, with a status in the problem, if called from one of its procedures.
-    logical function give_back(handle)
+    !> Free the problem of a handle. False, with a status in the problem, if called from one of its procedures.
+    logical function free_handle(handle)
         !> Handle of a problem.
         type(c_ptr), intent(in) :: handle
         type(tag_type), pointer :: tag
         integer(c_int) :: stat
 
         call c_f_pointer(handle, tag)
-        give_back = tag%problem%release()
-        if (.not. give_back) return
+        free_handle = tag%problem%release()
+        if (.not. free_handle) return
         deallocate (tag%problem)
-        ! If this fails, the tag is not freed at the end of the program.
+        ! If registration fails, the tag is not freed at the end of the program.
         stat = at_exit(c_funloc(c_free_memory), handle, c_null_ptr)
-    end function give_back
+    end function free_handle
 
-    !> The four integers of a handle; zeros for a null address.
+    !> Convert an address to the four integers of a handle; zeros for a null address.
     pure subroutine to_handle(address, handle)
         type(c_ptr), intent(in) :: address
         integer, intent(out) :: handle(handle_length)
@@ -115,7 +117,7 @@ contains
         handle(4) = interface_version
     end subroutine to_handle
 
-    !> Address in a handle; null for an invalid one.
+    !> Address in a Fortran 77 handle; null for an invalid handle.
     pure type(c_ptr) function to_address(handle)
         integer, intent(in) :: handle(handle_length)
 

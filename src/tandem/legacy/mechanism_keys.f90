@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Problems whose model is a mechanism: keys are set one by one, then the mechanism is built from them and can be queried.
+!> Problems whose model is a mechanism: keys are set one by one, then the mechanism is built and can be queried.
 module tandem_legacy_mechanism_keys
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -17,12 +17,12 @@ module tandem_legacy_mechanism_keys
 
 contains
 
-    !> Set the value of a key by a text; a later value replaces an earlier one.
+    !> Set a key to a value given as text. A later value replaces an earlier one.
     subroutine set_key(problem, key, text)
         class(description_type), intent(inout) :: problem
-        !> Such as body.rod.mass; trailing blanks are ignored.
+        !> Key, such as body.rod.mass; trailing blanks are ignored.
         character(len=*), intent(in) :: key
-        !> As in scene files: a number, "a text", true, false, or a list of these in brackets.
+        !> Value in the syntax of scene files: a number, "a text", true, false, or a list of these in brackets.
         character(len=*), intent(in) :: text
         type(value_type) :: value
         logical :: is_good
@@ -40,7 +40,7 @@ contains
     !> Set the value of a key.
     subroutine set_value(problem, key, value)
         class(description_type), intent(inout) :: problem
-        !> As in `set_key`.
+        !> Key, as in `set_key`.
         character(len=*), intent(in) :: key
         type(value_type), intent(in) :: value
 
@@ -56,7 +56,7 @@ contains
         end if
     end subroutine set_value
 
-    !> False, with a status, if the problem takes no keys.
+    !> False, with a status, if keys cannot be set in the problem.
     logical function is_open(problem)
         class(description_type), intent(inout) :: problem
 
@@ -69,13 +69,13 @@ contains
         end if
     end function is_open
 
-    !> Build the mechanism from its keys. After a failure keys can be corrected and the call repeated.
+    !> Build the mechanism from its keys. After a failure, keys can be corrected and the call repeated.
     subroutine define_mechanism(problem, planar, may_be_open, times)
         class(description_type), intent(inout) :: problem
-        !> True if bodies move in the plane; true if joints may be open in the reference configuration, because the start will be
+        !> True for a planar mechanism; true if joints may be open in the reference configuration, because the start will be
         !> assembled.
         logical, intent(in) :: planar, may_be_open
-        !> Start and end of the runs, between which kinks of functions of time are searched (s).
+        !> Start and end of the runs (s), between which kinks of functions of time are searched.
         real(wp), intent(in) :: times(2)
         type(mechanism_type), pointer :: mechanism
         type(shown_type), allocatable :: shown(:)
@@ -100,7 +100,7 @@ contains
     !> Coordinates and velocities of the reference configuration.
     subroutine get_reference_state(problem, q, qd)
         class(description_type), intent(inout) :: problem
-        !> (n)
+        !> Coordinates and velocities (n).
         real(wp), intent(inout) :: q(*), qd(*)
 
         if (.not. is_complete(problem)) return
@@ -111,12 +111,12 @@ contains
         call problem%succeed()
     end subroutine get_reference_state
 
-    !> Name of a coordinate, its unit, or name of a row.
+    !> Name or unit of a coordinate, or name of a row.
     subroutine get_name(problem, what, i, text)
         class(description_type), intent(inout) :: problem
-        !> coordinate, unit or row.
+        !> 'coordinate', 'unit' or 'row'.
         character(len=*), intent(in) :: what
-        !> From 1.
+        !> Index from 1.
         integer, intent(in) :: i
         character(len=:), allocatable, intent(out) :: text
         integer :: n
@@ -141,7 +141,7 @@ contains
         end associate
     end subroutine get_name
 
-    !> False, with a status, if there is no mechanism yet.
+    !> False, with a status, if the mechanism has not been built.
     logical function is_complete(problem)
         class(description_type), intent(inout) :: problem
 

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A problem: the object of a handle of the C or the Fortran 77 interface, and its operations. Every operation sets a status and a
-!> message in the problem; problems have no common data.
+!> A problem, the object of a handle of the C or Fortran 77 interface, and its operations. Every operation sets a status and a
+!> message in the problem. Problems share no data.
 module tandem_legacy_problem
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
@@ -32,7 +32,7 @@ module tandem_legacy_problem
 
 contains
 
-    !> False, with a status, if no run was started.
+    !> False, with a status, if no run has been started.
     logical function is_running(self)
         class(problem_type), intent(inout) :: self
 
@@ -52,7 +52,7 @@ contains
 
         if (.not. self%is_free()) return
         self%started = .false.
-        call self%watch%forget()
+        call self%watch%discard()
         call self%prepare(error)
         if (.not. allocated(error)) then
             self%busy = .true.
@@ -64,8 +64,8 @@ contains
         call self%conclude(error)
     end subroutine start
 
-    !> Integrate to t_end, or to an event that stops the run. If t_end is the current time, nothing is done: loops over times of
-    !> output begin with the start.
+    !> Integrate to t_end, or to an event that stops the run. If t_end is the current time, no action is taken, so that loops over
+    !> output times may begin with the start.
     subroutine integrate(self, t_end)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
@@ -83,7 +83,7 @@ contains
         call self%conclude(error)
     end subroutine integrate
 
-    !> One accepted step that does not pass t_limit.
+    !> Perform one accepted step that does not go beyond t_limit.
     subroutine step(self, t_limit)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_limit
@@ -101,19 +101,20 @@ contains
         call self%conclude(error)
     end subroutine step
 
-    !> Take up to `most` accepted steps that do not pass t_end, and store rows of states: at the given times, or one for each step.
-    !> Ends early at an event that stops the run, and when the rows are full; without rows it continues to t_end. After a failure
-    !> the results contain all states reached before it.
+    !> Perform at most `most` accepted steps that do not go beyond t_end, and store rows of states: at given times, or one per step.
+    !> Ends early at an event that stops the run, and when all rows are used; if there are no rows, continues to t_end. After a
+    !> failure, the results contain all states reached before it.
     subroutine advance(self, t_end, most, at_steps, rows, times, q, qd, qdd)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
         integer, intent(in) :: most
-        !> True for a row at each step, whose time is returned; false for rows at given ascending times.
+        !> True to store a row for each step, and its time; false to store rows at given increasing times.
         logical, intent(in) :: at_steps
-        !> Number of rows that fit; on return the number of rows stored.
+        !> Number of available rows on entry; number of stored rows on return.
         integer, intent(inout) :: rows
         real(wp), intent(inout), optional :: times(*)
-        !> Coordinates, velocities, accelerations (n, rows). An incomplete mechanism has no model that defines n.
+        !> Coordinates, velocities, accelerations (n, rows). The shape refers to `callbacks`, because a mechanism that is not built
+        !> has no model.
         real(wp), intent(inout), optional :: q(self%callbacks%n, *), qd(self%callbacks%n, *), qdd(self%callbacks%n, *)
         type(error_type), allocatable :: error
         integer :: capacity, taken
@@ -129,15 +130,15 @@ contains
         self%busy = .true.
         call self%simulation%start_clock()
         call self%simulation%look_back()
-        if (.not. at_steps) call take_rows()
+        if (.not. at_steps) call store_rows()
         do taken = 1, most
             if (allocated(error) .or. .not. self%simulation%state%t < t_end) exit
-            ! The next requested time may be within the last step, whose dense output another step would overwrite.
+            ! The next requested time may lie within the last step. Another step would overwrite its dense output.
             if (rows >= capacity .and. (at_steps .or. capacity > 0)) exit
             if (.not. at_steps .and. rows < capacity) call self%simulation%expect_look(times(rows + 1))
             call self%watch%step(self%simulation, t_end, error)
             if (allocated(error)) exit
-            call take_rows()
+            call store_rows()
             if (self%simulation%is_stopped) exit
         end do
         call self%simulation%stop_clock()
@@ -146,8 +147,8 @@ contains
 
     contains
 
-        !> Store the rows within the last step.
-        subroutine take_rows()
+        !> Store the rows whose times lie within the last step.
+        subroutine store_rows()
             associate (simulation => self%simulation, n => self%model%n)
                 do while (rows < capacity)
                     if (.not. at_steps) then
@@ -164,10 +165,10 @@ contains
                     call simulation%look_back()
                 end do
             end associate
-        end subroutine take_rows
+        end subroutine store_rows
     end subroutine advance
 
-    !> Record the run, which is at its start, for the estimate of its error at t_end.
+    !> Begin to record the run, which must be at its start, for an estimate of its error at t_end.
     subroutine watch_error(self, t_end)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t_end
@@ -190,7 +191,7 @@ contains
         call self%conclude(error)
     end subroutine estimate_error
 
-    !> State at the end of the last accepted step, or the start. Absent arguments are skipped.
+    !> Return the state at the end of the last accepted step, or at the start. Absent arguments are not set.
     subroutine get_state(self, t, q, qd, qdd)
         class(problem_type), intent(inout) :: self
         real(wp), intent(out), optional :: t
@@ -203,7 +204,7 @@ contains
         call self%succeed()
     end subroutine get_state
 
-    !> Return the current state, if there is one, without a change of status: the state reached before a failure.
+    !> Return the current state, if there is one, without changing the status: the state that was reached before a failure.
     subroutine show_state(self, t, q, qd)
         class(problem_type), intent(in) :: self
         real(wp), intent(inout) :: t, q(*), qd(*)
@@ -224,7 +225,7 @@ contains
         end associate
     end subroutine copy_state
 
-    !> The state at a time within the last step.
+    !> Return the state at a time within the last step.
     subroutine get_state_at(self, t, q, qd, qdd)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -240,11 +241,11 @@ contains
         call self%conclude(error)
     end subroutine get_state_at
 
-    !> The multipliers at a time within the last step, holonomic rows first.
+    !> Return the multipliers at a time within the last step, holonomic rows first.
     subroutine get_multipliers(self, t, lambda)
         class(problem_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> (nh + nd).
+        !> Multipliers (nh + nd).
         real(wp), intent(inout) :: lambda(*)
         type(error_type), allocatable :: error
 
@@ -257,7 +258,7 @@ contains
         call self%conclude(error)
     end subroutine get_multipliers
 
-    !> Kinetic and potential energy at the current state; the latter is 0 if the model has none.
+    !> Return the kinetic and potential energy at the current state; the latter is 0 if the model has none.
     subroutine get_energies(self, kinetic, potential)
         class(problem_type), intent(inout) :: self
         real(wp), intent(out) :: kinetic, potential
@@ -281,7 +282,7 @@ contains
         call self%conclude(error)
     end subroutine get_energies
 
-    !> One figure of the run.
+    !> Return one statistic of the run.
     subroutine get_statistic(self, name, value)
         class(problem_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -294,7 +295,7 @@ contains
         call self%conclude(error)
     end subroutine get_statistic
 
-    !> Number of events recorded so far.
+    !> Return the number of events recorded so far.
     subroutine count_events(self, n)
         class(problem_type), intent(inout) :: self
         integer, intent(out) :: n
@@ -305,12 +306,12 @@ contains
         call self%succeed()
     end subroutine count_events
 
-    !> One of the recorded events. Absent arguments are skipped.
+    !> Return one of the recorded events. Absent arguments are not set.
     subroutine get_event(self, i, number, direction, t, q, qd)
         class(problem_type), intent(inout) :: self
-        !> Place in the order of time, from 1.
+        !> Index in the order of time, from 1.
         integer, intent(in) :: i
-        !> Index of the event, from 1, and its direction: 1, -1, or 0 if the function touched zero or was zero at the start.
+        !> Index of the event from 1, and direction: 1, -1, or 0 if its function touched zero or was zero at the start.
         integer, intent(out) :: number, direction
         real(wp), intent(out) :: t
         !> Coordinates and velocities (n).
@@ -334,10 +335,10 @@ contains
         call self%succeed()
     end subroutine get_event
 
-    !> Index of the event that has stopped the run at its current state.
+    !> Return the index of the event that has stopped the run at its current state.
     subroutine get_stop(self, number)
         class(problem_type), intent(inout) :: self
-        !> From 1; 0 for none.
+        !> Index from 1; 0 if no event has stopped the run.
         integer, intent(out) :: number
 
         number = 0
@@ -346,7 +347,7 @@ contains
         call self%succeed()
     end subroutine get_stop
 
-    !> Number of warnings so far; 0 without a run.
+    !> Return the number of warnings so far; 0 without a run.
     subroutine count_warnings(self, n)
         class(problem_type), intent(inout) :: self
         integer, intent(out) :: n
@@ -359,12 +360,12 @@ contains
         call self%succeed()
     end subroutine count_warnings
 
-    !> One of the warnings.
+    !> Return one of the warnings.
     subroutine get_warning(self, i, text)
         class(problem_type), intent(inout) :: self
         !> Index of the warning, from 1.
         integer, intent(in) :: i
-        !> Empty if there is no such warning.
+        !> Text; empty if there is no such warning.
         character(len=:), allocatable, intent(out) :: text
         type(warning_type), allocatable :: warnings(:)
 
@@ -391,7 +392,7 @@ contains
         call self%conclude(error)
     end subroutine save_state
 
-    !> Continue a saved run in a problem with the same set-up and start. After a failure the run must be started again.
+    !> Restore a saved run in a problem with the same definition and start. After a failure the run must be started again.
     subroutine restore_state(self, words)
         class(problem_type), intent(inout) :: self
         !> Result of `save_state`.
@@ -399,7 +400,7 @@ contains
         type(error_type), allocatable :: error
 
         if (.not. self%is_running()) return
-        call self%watch%forget()
+        call self%watch%discard()
         call self%simulation%restore_state(words, error)
         self%started = .not. allocated(error)
         call self%conclude(error)

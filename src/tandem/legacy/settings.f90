@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Options by name, for callers without access to `options_type`. The names are those of the table of options, in either case.
-!> Invalid values are refused at once, and the previous value stays; contradictions between options are reported at the start of a
+!> Options by name, for callers without access to `options_type`. Names are those of the table of options, in upper or lower case.
+!> An invalid value is refused at once, and the option is unchanged. Contradictions between options are reported at the start of a
 !> run.
 module tandem_legacy_settings
     use tandem_error, only: error_type, set_error, to_text
@@ -13,9 +13,9 @@ module tandem_legacy_settings
     implicit none (type, external)
     private
 
-    public :: set_option, take_flags, take_list
+    public :: set_option, copy_flags, copy_list
 
-    !> Sets the option of a name to a value, which is one of four kinds.
+    !> Visitor of the table of options that sets the option with a given name to a value, which has one of four types.
     type, extends(option_visitor_type) :: setter_type
         character(len=:), allocatable :: name
         real(wp), allocatable :: number
@@ -23,7 +23,7 @@ module tandem_legacy_settings
         character(len=:), allocatable :: word
         real(wp), allocatable :: list(:)
         logical :: found = .false.
-        !> Names of the options of this kind, for messages.
+        !> Names of the options of this type, for messages.
         character(len=:), allocatable :: known
         type(error_type), allocatable :: error
     contains
@@ -32,23 +32,23 @@ module tandem_legacy_settings
 
 contains
 
-    !> Set an option, or a setting of an assembled start, to a number, an integer, a word or a list.
+    !> Set an option of a run, or of the assembly of a start, to a number, an integer, a word or a list.
     subroutine set_option(options, assembly, name, error, number, whole, word, list)
         type(options_type), intent(inout) :: options
         type(assembly_type), intent(inout) :: assembly
-        !> Name of a component, in either case.
+        !> Name of an option, in upper or lower case.
         character(len=*), intent(in) :: name
-        !> invalid_option if there is no such option of this kind, or its value is invalid.
+        !> invalid_option if there is no such option of this type, or if the value is invalid.
         type(error_type), allocatable, intent(out) :: error
         real(wp), intent(in), optional :: number
         integer, intent(in), optional :: whole
-        !> In either case.
+        !> Word in upper or lower case.
         character(len=*), intent(in), optional :: word
-        !> An empty list removes it.
+        !> List; an empty list removes the values.
         real(wp), intent(in), optional :: list(:)
         type(options_type) :: changed
         type(setter_type) :: setter
-        !> Kind of value; names of this kind that the problem sets itself.
+        !> Type of the value; names of this type that the problem itself handles.
         character(len=:), allocatable :: kind, others
         logical :: taken
 
@@ -108,19 +108,19 @@ contains
             if (size(self%list) > 0) list = self%list
         end if
         if (.not. present(word)) return
-        ! Check before the word is cut to the length of the option, which could make it a valid one.
+        ! Check the word before it is truncated to the length of the option, which could make it valid.
         call check_word(row, self%word, choices, self%error)
         word = self%word
     end subroutine set_if_named
 
-    !> Set a setting of an assembled start to a number, a word or a list.
+    !> Set an option of the assembly of a start to a number, a word or a list.
     subroutine set_assembly(assembly, name, taken, error, number, word, list)
         type(assembly_type), intent(inout) :: assembly
-        !> In lower case.
+        !> Name in lower case.
         character(len=*), intent(in) :: name
-        !> True if there is such a setting.
+        !> True if there is such an option.
         logical, intent(out) :: taken
-        !> invalid_option if its value is invalid.
+        !> invalid_option if the value is invalid.
         type(error_type), allocatable, intent(out) :: error
         real(wp), intent(in), optional :: number
         character(len=*), intent(in), optional :: word
@@ -128,17 +128,17 @@ contains
 
         taken = .true.
         if (present(list) .and. name == 'weight_q') then
-            call take_list(list, assembly%weight_q)
+            call copy_list(list, assembly%weight_q)
         else if (present(list) .and. name == 'weight_qd') then
-            call take_list(list, assembly%weight_qd)
+            call copy_list(list, assembly%weight_qd)
         else if (present(list) .and. name == 'fixed_q') then
-            call take_flags(list, assembly%fixed_q)
+            call copy_flags(list, assembly%fixed_q)
         else if (present(list) .and. name == 'fixed_qd') then
-            call take_flags(list, assembly%fixed_qd)
+            call copy_flags(list, assembly%fixed_qd)
         else if (present(number) .and. name == 'largest_move_q') then
-            call take_limit(assembly%largest_move_q)
+            call set_limit(assembly%largest_move_q)
         else if (present(number) .and. name == 'largest_move_qd') then
-            call take_limit(assembly%largest_move_qd)
+            call set_limit(assembly%largest_move_qd)
         else if (present(word) .and. name == 'velocity_metric') then
             if (any(lower_case(word) == velocity_metrics)) then
                 assembly%velocity_metric = lower_case(word)
@@ -149,7 +149,7 @@ contains
             taken = .false.
         end if
     contains
-        subroutine take_limit(limit)
+        subroutine set_limit(limit)
             real(wp), intent(inout) :: limit
 
             if (number >= 0.0_wp .and. ieee_is_finite(number)) then
@@ -157,24 +157,24 @@ contains
             else
                 call set_error(error, status_invalid_option, name//' = '//to_text(number)//' must be positive, or 0 for no limit')
             end if
-        end subroutine take_limit
+        end subroutine set_limit
     end subroutine set_assembly
 
-    !> A list, not allocated if it is empty.
-    pure subroutine take_list(values, list)
+    !> Copy a list; not allocated if the list is empty.
+    pure subroutine copy_list(values, list)
         real(wp), intent(in) :: values(:)
         real(wp), allocatable, intent(inout) :: list(:)
 
         if (allocated(list)) deallocate (list)
         if (size(values) > 0) list = values
-    end subroutine take_list
+    end subroutine copy_list
 
-    !> True for each nonzero number; not allocated if there are none.
-    pure subroutine take_flags(values, flags)
+    !> True for each nonzero number; not allocated if there are no numbers.
+    pure subroutine copy_flags(values, flags)
         real(wp), intent(in) :: values(:)
         logical, allocatable, intent(inout) :: flags(:)
 
         if (allocated(flags)) deallocate (flags)
         if (size(values) > 0) flags = abs(values) > 0.0_wp
-    end subroutine take_flags
+    end subroutine copy_flags
 end module tandem_legacy_settings

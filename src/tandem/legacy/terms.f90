@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Table of the procedures that a caller from C or Fortran 77 can provide: their names, which are those of the components of
-!> `model_type`, and the kind of argument list of each.
+!> Table of the procedures that C and Fortran 77 callers can provide: their names, which are those of the components of
+!> `procedure_model_type`, and the types of their argument lists.
 module tandem_legacy_terms
     implicit none (type, external)
     private
@@ -12,10 +12,10 @@ module tandem_legacy_terms
     public :: a_kinetic_energy, a_gamma_q, a_gamma_qd, a_force_q, a_force_qd
     public :: a_jacobian_derivative, a_reaction_derivative, a_mass_derivative
 
-    !> Argument lists: (t, q), (t, q, qd), and (t, q, x) with a constant vector x.
+    !> Types of argument lists: (t, q), (t, q, qd), and (t, q, x) with a constant vector x.
     integer, parameter :: of_position = 1, of_motion = 2, of_direction = 3
 
-    !> Indices of the procedures: places in the table below.
+    !> Indices of the procedures in the table below.
     integer, parameter :: a_holonomic = 1, a_holonomic_jacobian = 2, a_holonomic_rate = 3, a_nonholonomic_jacobian = 4
     integer, parameter :: a_nonholonomic_rhs = 5, a_mass_matrix = 6, a_potential_energy = 7, a_nu_derivative = 8
     integer, parameter :: a_constraint_acceleration = 9, an_inertia_force = 10, an_applied_force = 11, a_kinetic_energy = 12
@@ -24,15 +24,15 @@ module tandem_legacy_terms
     !> Number of procedures.
     integer, parameter :: n_callbacks = 19
 
-    !> One row of the table.
+    !> Row of the table.
     type :: term_row_type
-        !> Name of the component of `model_type`.
+        !> Name of the component of `procedure_model_type`.
         character(len=24) :: name
         !> `of_position`, `of_motion` or `of_direction`.
         integer :: kind
     end type term_row_type
 
-    !> The table; the index of a procedure is its place here.
+    !> The table of procedures.
     type(term_row_type), parameter :: terms(n_callbacks) = [ &
         term_row_type('holonomic', of_position), &
         term_row_type('holonomic_jacobian', of_position), &
@@ -56,7 +56,7 @@ module tandem_legacy_terms
 
 contains
 
-    !> Index of a name, in lower case; 0 if unknown.
+    !> Index of the procedure with a name in lower case; 0 if there is none.
     pure integer function find_term(name)
         !> Name, trailing blanks allowed.
         character(len=*), intent(in) :: name
@@ -66,7 +66,7 @@ contains
         end do
     end function find_term
 
-    !> Names with one kind of argument list, separated by commas, for messages.
+    !> Names of the procedures with one type of argument list, separated by commas, for messages.
     pure function names_of_kind(kind) result(text)
         !> `of_position`, `of_motion` or `of_direction`.
         integer, intent(in) :: kind

@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Values of a mechanism's keys as text, as in scene files: a number, "a text", true, false, or a list of these in brackets.
+!> Values of keys of a mechanism as text, in the syntax of scene files: a number, "a text", true, false, or a list of these in
+!> brackets.
 module tandem_legacy_value_text
     use tandem_kinds, only: wp
     use tandem_mechanism_entries, only: atom_type, is_text, is_truth, value_type
@@ -15,7 +16,7 @@ contains
     pure subroutine read_value(text, value, is_good)
         character(len=*), intent(in) :: text
         type(value_type), intent(out) :: value
-        !> True if the text is a single value.
+        !> True if the text consists of one valid value.
         logical, intent(out) :: is_good
         type(atom_type) :: atom
         integer :: at, n
@@ -54,7 +55,7 @@ contains
         is_good = is_good .and. at > len(text)
     end subroutine read_value
 
-    !> Read the rest of a list after its opening bracket, including the closing one.
+    !> Read the remainder of a list, from the character after its opening bracket to the closing bracket.
     pure subroutine read_atoms(text, at, atoms, is_good)
         character(len=*), intent(in) :: text
         integer, intent(inout) :: at
@@ -77,7 +78,7 @@ contains
         at = at + 1
     end subroutine read_atoms
 
-    !> Character at a place, a blank after the end.
+    !> Character at a position; a blank beyond the end.
     pure character function next(text, at)
         character(len=*), intent(in) :: text
         integer, intent(in) :: at
@@ -96,7 +97,7 @@ contains
         end do
     end subroutine skip_blanks
 
-    !> A number, a text or a truth value.
+    !> Read a number, a text or a logical value.
     pure subroutine read_atom(text, at, atom, is_good)
         character(len=*), intent(in) :: text
         integer, intent(inout) :: at
@@ -124,7 +125,7 @@ contains
         end associate
     end subroutine read_atom
 
-    !> A text in quotes; \" and \\ stand for these characters.
+    !> Read a text in quotes, in which \" and \\ denote a quote and a backslash.
     pure subroutine read_text(text, at, atom, is_good)
         character(len=*), intent(in) :: text
         integer, intent(inout) :: at

@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> The version of the interfaces for C and Fortran 77.
+!> Version of the C and Fortran 77 interfaces.
 module tandem_legacy_version
     implicit none (type, external)
     private
 
     public :: interface_version
 
-    !> A thousand times the major number, which changes when a program must be changed or compiled anew, plus the minor one,
-    !> which changes when something is added. `include/interface.txt` holds what belongs to it.
+    !> 1000 times the major version, which changes if programs must be changed or recompiled, plus the minor version, which changes
+    !> if the interface is extended. `include/interface.txt` lists the interface of the version.
     integer, parameter :: interface_version = 1017
 end module tandem_legacy_version

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Messages in the terms of a caller's language, so that their advice can be followed there. The library's own messages use names of
-!> modern Fortran.
+!> Translation of messages to the terms of the caller's language, so that their advice applies there. Messages of the library use
+!> names of modern Fortran.
 module tandem_legacy_wording
     implicit none (type, external)
     private
 
     public :: in_words_of
 
-    !> A phrase, and its replacements for C and for Fortran 77.
+    !> A phrase, and the phrases that replace it in C and in Fortran 77.
     type :: phrase_type
         character(len=72) :: modern
         character(len=72) :: c, f77
@@ -40,10 +40,10 @@ module tandem_legacy_wording
         phrase_type('tandem_watch_error or TDWERR', 'tandem_watch_error', 'TDWERR'), &
         phrase_type('tandem_new_mechanism or TDMECH', 'tandem_new_mechanism', 'TDMECH'), &
         phrase_type('tandem_define or TDDEFN', 'tandem_define', 'TDDEFN'), &
-        ! Unset values are detected only for procedures from another language.
+        ! Values that were not set are detected only for procedures in another language.
         phrase_type('a model procedure requested a stop', 'a model procedure requested a stop'//or_unset, &
             'a model procedure requested a stop'//or_unset), &
-        ! The same for an undefined status, such as that of an exception in Python.
+        ! Likewise for an undefined status, such as that of a Python procedure that has raised an exception.
         phrase_type('could not be evaluated at a point', 'could not be evaluated'//or_unset//' at a point', &
             'could not be evaluated'//or_unset//' at a point'), &
         phrase_type('returned a negative status', 'returned a negative status'//or_unset, 'returned a negative status'//or_unset)]

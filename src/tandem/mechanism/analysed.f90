@@ -28,7 +28,7 @@ contains
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
         end do
-        call set_slides(self%massless_wheels, 1, qd, self%pose)
+        call set_displacements(self%massless_wheels, 1, qd, self%pose)
         call add_rates(self, t, value, stat)
     end procedure force_rate
 
@@ -91,7 +91,7 @@ contains
                 if (time == 0) cycle
                 call formula%read_state(t, self%pose, self%coordinates, .false.)
                 call formula%evaluate_gradient(value)
-                push(k) = push(k) + formula%by(time)
+                push(k) = push(k) + formula%gradient(time)
             end associate
         end do
         load%force = push(1:3)

@@ -507,10 +507,10 @@ contains
         allocate (variables, source=self%list_variables())
         associate (may_be_used => variables%kind == is_time .or. variables%kind == is_place .or. variables%kind == is_turn)
             do i = 1, size(coefficients)
-                k = coefficients(i)%first_not_in(may_be_used)
+                k = coefficients(i)%first_outside(may_be_used)
                 if (k > 0) exit
             end do
-            if (k == 0 .and. present(rhs)) k = rhs%first_not_in(may_be_used)
+            if (k == 0 .and. present(rhs)) k = rhs%first_outside(may_be_used)
         end associate
         if (k > 0) then
             call refuse(label//' depends on '//trim(variables(k)%name), 'use t, positions, angles and Euler parameters only', error)

@@ -3,7 +3,7 @@
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_massless_wheel
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_displacement
-    use tandem_mechanism_massless_wheel, only: find_place
+    use tandem_mechanism_massless_wheel, only: find_contact_point
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_refusal, only: refuse
     use tandem_mechanism_sensor, only: of_massless_wheel
@@ -106,7 +106,7 @@ contains
             call steer%evaluate(self%times(1), steered(:, 1))
             wheel%steer = 1
         end if
-        call find_place(wheel, body, ground, steered, place)
+        call find_contact_point(wheel, body, ground, steered, place)
         wheel%steer = 0
         gap = dot_product(wheel%normal, place) - wheel%height
         if (allocated(plane%rise)) then

@@ -1,13 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> Scalar coordinates x(q) between two bodies: a displacement along an axis of the first, the distance of two points, an angle about
-!> a common axis, and a small angle. Couplings constrain sums of them, springs and bushings act along them, expressions and sensors
-!> read them. Each provides its value, its gradient, the derivatives of both along the motion, and its second gradient.
+!> Scalar coordinates x(q) between two bodies: the displacement along an axis of the first body, the distance of two points, the
+!> angle about a common axis, or a small angle. Couplings constrain sums of coordinates, springs and bushings act along them,
+!> expressions and sensors read them. Each provides its value and gradient, their derivatives along the motion, and its second
+!> gradient.
 !>
-!> An angle may exceed a full turn: it is the value nearest to that at the last accepted point of a run, or outside a run to that at
-!> the last evaluated point.
+!> An angle may exceed a full revolution. Its value is the one nearest to the value at the last accepted point of a run or, outside
+!> a run, at the last evaluated point.
 module tandem_mechanism_coordinate
     use tandem_kinds, only: wp
-    use tandem_mechanism_perpendicular, only: dot_curve, dot_gradient, dot_second, perpendicular_type
+    use tandem_mechanism_perpendicular, only: set_vectors, dot_gradient, dot_second, perpendicular_type
     use tandem_mechanism_pair, only: add_outer, n_local, turn_1, turn_2
     use tandem_mechanism_pose, only: pose_type, turned
     use tandem_mechanism_point_vector, only: vector_gradient, vector_second, point_vector_type, vector_between
@@ -19,31 +20,32 @@ module tandem_mechanism_coordinate
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
     public :: pi, is_displacement, is_distance, is_angle, is_tilt
 
-    !> The kinds are displacement (one.d, m); distance (m); angle (rad) with the cosine `one` and the sine `other`, in the plane the
-    !> difference of two angles; small angle (one - other)/2, the sine of the angle about the third axis if that axis is common.
+    !> Kinds of coordinates: displacement, the scalar product `one` (m); distance (m); angle (rad) whose cosine and sine are the
+    !> scalar products `one` and `other`, in the plane the difference of two angles; small angle (one - other)/2, which is the sine
+    !> of the angle about the third axis if this axis is common to both bodies.
     integer, parameter :: is_displacement = 1, is_distance = 2, is_angle = 3, is_tilt = 4
 
     type :: coordinate_type
         integer :: kind = is_displacement
-        !> The two bodies, 0 for the ground.
+        !> Bodies, 0 for the ground.
         integer :: first = 0, second = 0
         type(perpendicular_type) :: one, other
         type(point_vector_type) :: vector
-        !> Subtracted from the value: x = 0 there (m or rad).
+        !> Offset (m or rad), which is subtracted from the value.
         real(wp) :: offset = 0.0_wp
-        !> Index of the function of time that the angle follows; 0 if none.
+        !> Index of the function of time that drives the angle, 0 if none.
         integer :: motion = 0
-        !> Angle at the last accepted point, before the offset is subtracted; true if only the points at which a run arrives are
-        !> accepted, not trial points of steps or of a search for a start.
+        !> Angle at the last accepted point, before the offset is subtracted. `waits` is true if `last` is set only at accepted
+        !> points of a run, and not at trial points of steps or of the search for a start.
         real(wp) :: last = 0.0_wp
         logical :: waits = .false.
-        !> True once a run has started; the angle at the first start. The search for a consistent position or an equilibrium may
-        !> have moved it from the reference configuration.
+        !> True once a run has started; angle at the first start. The search for a consistent position or an equilibrium may have
+        !> moved the angle away from its value in the reference configuration.
         logical :: has_begun = .false.
         real(wp) :: begun = 0.0_wp
     end type coordinate_type
 
-    !> Half a turn (rad).
+    !> Half a revolution (rad).
     real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
@@ -60,43 +62,43 @@ contains
         x = x + 2*pi*turns
     end subroutine measure
 
-    !> Value without the full turns of an angle in space, and these turns. In the plane angles are coordinates of bodies and include
-    !> their turns.
+    !> Value without the full revolutions of an angle in space, and their number. Planar angles are coordinates of bodies and
+    !> include their revolutions.
     pure subroutine measure_apart(self, pose, x, turns)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
-        !> x (m or rad), and the full turns to be added to it.
+        !> x (m or rad) without the revolutions; number of revolutions to be added.
         real(wp), intent(out) :: x, turns
-        real(wp) :: a(3, 0:2), d(3, 0:2), way(3)
+        real(wp) :: a(3, 0:2), d(3, 0:2), vector(3)
 
         turns = 0.0_wp
         select case (self%kind)
         case (is_distance)
-            way = vector_between(self%vector, pose, 0)
-            x = sqrt(way(1)**2 + way(2)**2 + way(3)**2)
+            vector = vector_between(self%vector, pose, 0)
+            x = sqrt(vector(1)**2 + vector(2)**2 + vector(3)**2)
         case (is_angle)
             if (is_planar(self, pose)) then
                 x = pose(self%second)%p(1, 0) - pose(self%first)%p(1, 0)
             else
-                call dot_curve(self%one, pose, 0, a, d)
+                call set_vectors(self%one, pose, 0, a, d)
                 x = product_rate(a, d, 0)
-                call dot_curve(self%other, pose, 0, a, d)
+                call set_vectors(self%other, pose, 0, a, d)
                 x = atan2(product_rate(a, d, 0), x)
                 turns = anint((self%last - x)/(2*pi))
                 if (.not. self%waits) self%last = x + 2*pi*turns
             end if
         case default
-            call dot_curve(self%one, pose, 0, a, d)
+            call set_vectors(self%one, pose, 0, a, d)
             x = product_rate(a, d, 0)
             if (self%kind == is_tilt) then
-                call dot_curve(self%other, pose, 0, a, d)
+                call set_vectors(self%other, pose, 0, a, d)
                 x = (x - product_rate(a, d, 0))/2
             end if
         end select
         x = x - self%offset
     end subroutine measure_apart
 
-    !> Reset the turn count to the first start; called at every point of the search for a start.
+    !> Reset the revolutions to those at the first start. Called for every point of the search for a start.
     pure subroutine begin_turns(self, pose, f)
         type(coordinate_type), intent(inout) :: self
         !> Not used.
@@ -107,7 +109,7 @@ contains
         self%waits = .false.
     end subroutine begin_turns
 
-    !> Update the turn count at a point of the search for a start, or at an arrival of a run.
+    !> Count revolutions at a point of the search for a start, or at an accepted point of a run.
     pure subroutine count_turns(self, pose, f)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -124,7 +126,7 @@ contains
         self%waits = waits
     end subroutine count_turns
 
-    !> End the search for a start: from now on turns are counted only at arrivals of the run.
+    !> End the search for a start: count revolutions only at accepted points of the run from now on.
     pure subroutine end_search(self, pose, f)
         type(coordinate_type), intent(inout) :: self
         !> Not used.
@@ -136,15 +138,15 @@ contains
         self%has_begun = .true.
     end subroutine end_search
 
-    !> Value, rate and gradient, which suffice for a force; for an angle in space the rates of the gradient and of the directions
-    !> are omitted. With z = c + i s the gradient is (c s_q - s c_q)/|z|^2.
+    !> Value, rate and gradient, as required for a force. For an angle in space this omits the derivatives of the gradient. With z =
+    !> c + i s the gradient is (c s_q - s c_q)/|z|^2.
     pure subroutine find_slope(self, pose, x, gradient)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
         !> x and its rate.
         real(wp), intent(out) :: x(0:1)
         real(wp), intent(out) :: gradient(n_local)
-        real(wp) :: a_c(3), a_s(3), d_c(3), d_s(3), torque(3), its(0:2), gradients(n_local, 0:2), c, s, over
+        real(wp) :: a_c(3), a_s(3), d_c(3), d_s(3), torque(3), its(0:2), gradients(n_local, 0:2), c, s, inv_z
         logical :: is_plain
 
         is_plain = self%kind == is_angle
@@ -167,11 +169,11 @@ contains
             if (.not. self%waits) self%last = x(0)
             x(0) = x(0) - self%offset
             x(1) = 0.0_wp
-            over = 1/(c**2 + s**2)
-            c = c*over
-            s = s*over
+            inv_z = 1/(c**2 + s**2)
+            c = c*inv_z
+            s = s*inv_z
             gradient = 0.0_wp
-            ! A rotation of the second body is opposite to one of the first: x_q pd is this vector times 2 E pd/(p'p).
+            ! Rotating the second body has the opposite effect of rotating the first: x_q pd is `torque` times 2 E pd/(p'p).
             torque = c*cross(d_s, a_s) - s*cross(d_c, a_c)
             if (first%n_turn > 0) then
                 gradient(turn_1 + 1:turn_1 + 4) = turn_gradient(first%p(:, 0), -torque)
@@ -184,7 +186,8 @@ contains
         end associate
     end subroutine find_slope
 
-    !> 2 E(p)' n/(p'p) for a vector n in the world frame: n times the angular velocity, as a gradient.
+    !> Gradient 2 E(p)'n/(p'p) of the angle of rotation about n: the scalar product of n and the angular velocity is this row times
+    !> pd.
     pure function turn_gradient(p, n) result(row)
         real(wp), intent(in) :: p(4), n(3)
         real(wp) :: row(4)
@@ -192,7 +195,7 @@ contains
         row = 2/(p(1)**2 + p(2)**2 + p(3)**2 + p(4)**2)*e_transposed_product(p, n)
     end function turn_gradient
 
-    !> True for an angle that is the difference of two planar angles.
+    !> True for an angle that is the difference of the angles of two planar bodies.
     pure logical function is_planar(self, pose)
         type(coordinate_type), intent(in) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -221,19 +224,19 @@ contains
         dot3 = x(1)*y(1) + x(2)*y(2) + x(3)*y(3)
     end function dot3
 
-    !> Value and gradient with derivatives along the motion, as far as the poses have them; optionally the second gradient. The
-    !> derivatives of a zero distance do not exist and are not finite.
+    !> Value and gradient with derivatives along the motion, as far as the poses provide them; optionally the second gradient. If a
+    !> distance is zero, its derivatives do not exist, and the results are not finite.
     pure subroutine differentiate_coordinate(self, pose, last, gradients, x, gradient, second, turns)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
-        !> Highest required derivatives of x and of its gradient, 0 to 2.
+        !> Highest derivatives along the motion, of x and of its gradient, 0 to 2.
         integer, intent(in) :: last, gradients
-        !> x, its rate, its second derivative.
+        !> x and its first and second derivatives.
         real(wp), intent(inout) :: x(0:2)
         !> x_q and its derivatives.
         real(wp), intent(inout) :: gradient(n_local, 0:2)
         real(wp), intent(out), optional :: second(n_local, n_local)
-        !> Full turns of an angle in space; x is then returned without them.
+        !> Full revolutions of an angle in space. If present, x excludes them.
         real(wp), intent(out), optional :: turns
         real(wp) :: a(3, 0:2), d(3, 0:2)
         integer :: k
@@ -260,7 +263,7 @@ contains
         case (is_tilt)
             call differentiate_tilt(self, pose, max(last, gradients), x, gradient, second)
         case default
-            call dot_curve(self%one, pose, max(last, gradients), a, d)
+            call set_vectors(self%one, pose, max(last, gradients), a, d)
             do k = 0, last
                 x(k) = product_rate(a, d, k)
             end do
@@ -270,7 +273,7 @@ contains
         end select
     end subroutine differentiate_coordinate
 
-    !> With w = d.d/2: l_q = w_q/l, and so on for the derivatives of l l_q = w_q; l_qq = (w_qq - l_q l_q')/l.
+    !> With w = d.d/2: l_q = w_q/l, and derivatives of l l_q = w_q along the motion; l_qq = (w_qq - l_q l_q')/l.
     pure subroutine differentiate_distance(self, pose, last, x, gradient, second)
         type(coordinate_type), intent(in) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -299,7 +302,7 @@ contains
         second = second/l(0)
     end subroutine differentiate_distance
 
-    !> With z = cosine + i sine the angle is Im ln z, so that its gradient is Im (z_q/z), and (ln z)_qq = z_qq/z - z_q z_q'/z^2.
+    !> With z = cosine + i sine the angle is Im ln z, its gradient Im(z_q/z), and (ln z)_qq = z_qq/z - z_q z_q'/z^2.
     pure subroutine differentiate_angle(self, pose, last, gradients, x, gradient, second)
         type(coordinate_type), intent(in) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -309,44 +312,44 @@ contains
         real(wp) :: a(3, 0:2), d(3, 0:2), c_q(n_local, 0:2), s_q(n_local, 0:2), c(0:2), s(0:2)
         real(wp) :: c_qq(n_local, n_local), s_qq(n_local, n_local)
         real(wp) :: re(n_local), im(n_local)
-        complex(wp) :: over, rate, curve, factor
+        complex(wp) :: inv_z, rate, curve, factor
         integer :: k, n, j
 
         n = max(last, gradients)
         c = 0.0_wp
         s = 0.0_wp
-        call dot_curve(self%one, pose, n, a, d)
+        call set_vectors(self%one, pose, n, a, d)
         do k = 0, n
             c(k) = product_rate(a, d, k)
         end do
         call dot_gradient(self%one, pose, gradients, a, d, c_q)
         if (present(second)) call dot_second(self%one, pose, a, d, c_qq)
-        call dot_curve(self%other, pose, n, a, d)
+        call set_vectors(self%other, pose, n, a, d)
         do k = 0, n
             s(k) = product_rate(a, d, k)
         end do
         call dot_gradient(self%other, pose, gradients, a, d, s_q)
         if (present(second)) call dot_second(self%other, pose, a, d, s_qq)
         ! 1/z, z_t/z, z_tt/z.
-        over = 1/cmplx(c(0), s(0), wp)
-        rate = cmplx(c(1), s(1), wp)*over
-        curve = cmplx(c(2), s(2), wp)*over
+        inv_z = 1/cmplx(c(0), s(0), wp)
+        rate = cmplx(c(1), s(1), wp)*inv_z
+        curve = cmplx(c(2), s(2), wp)*inv_z
         x(1) = aimag(rate)
         x(2) = aimag(curve - rate**2)
-        ! z_q/z. Products are written out, because complex multiplication calls a procedure that checks for infinities.
-        re = real(over)*c_q(:, 0) - aimag(over)*s_q(:, 0)
-        im = aimag(over)*c_q(:, 0) + real(over)*s_q(:, 0)
+        ! z_q/z. Products are written out, because complex multiplication calls a library procedure that checks for infinities.
+        re = real(inv_z)*c_q(:, 0) - aimag(inv_z)*s_q(:, 0)
+        im = aimag(inv_z)*c_q(:, 0) + real(inv_z)*s_q(:, 0)
         gradient(:, 0) = im
-        if (gradients > 0) gradient(:, 1) = (aimag(over)*c_q(:, 1) + real(over)*s_q(:, 1)) - (aimag(rate)*re + real(rate)*im)
+        if (gradients > 0) gradient(:, 1) = (aimag(inv_z)*c_q(:, 1) + real(inv_z)*s_q(:, 1)) - (aimag(rate)*re + real(rate)*im)
         if (gradients > 1) then
-            factor = 2*over*rate
-            gradient(:, 2) = (aimag(over)*c_q(:, 2) + real(over)*s_q(:, 2)) - (aimag(factor)*c_q(:, 1) + real(factor)*s_q(:, 1))
+            factor = 2*inv_z*rate
+            gradient(:, 2) = (aimag(inv_z)*c_q(:, 2) + real(inv_z)*s_q(:, 2)) - (aimag(factor)*c_q(:, 1) + real(factor)*s_q(:, 1))
             factor = 2*rate**2 - curve
             gradient(:, 2) = gradient(:, 2) + (aimag(factor)*re + real(factor)*im)
         end if
         if (.not. present(second)) return
         do j = 1, n_local
-            second(:, j) = (aimag(over)*c_qq(:, j) + real(over)*s_qq(:, j)) - (re*im(j) + im*re(j))
+            second(:, j) = (aimag(inv_z)*c_qq(:, j) + real(inv_z)*s_qq(:, j)) - (re*im(j) + im*re(j))
         end do
     end subroutine differentiate_angle
 
@@ -359,13 +362,13 @@ contains
         real(wp) :: a(3, 0:2), d(3, 0:2), its(n_local, 0:2), its_second(n_local, n_local)
         integer :: k
 
-        call dot_curve(self%one, pose, last, a, d)
+        call set_vectors(self%one, pose, last, a, d)
         do k = 0, last
             x(k) = product_rate(a, d, k)/2
         end do
         call dot_gradient(self%one, pose, last, a, d, gradient)
         if (present(second)) call dot_second(self%one, pose, a, d, second)
-        call dot_curve(self%other, pose, last, a, d)
+        call set_vectors(self%other, pose, last, a, d)
         do k = 0, last
             x(k) = x(k) - product_rate(a, d, k)/2
         end do

@@ -6,7 +6,7 @@ module tandem_mechanism_effort
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate
     use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
     use tandem_mechanism_formula, only: formula_type
-    use tandem_mechanism_velocity_joint, only: spin_of
+    use tandem_mechanism_velocity_joint, only: angular_velocity
     use tandem_mechanism_law, only: law_item_type
     use tandem_mechanism_load, only: find_push, load_type
     use tandem_mechanism_pair, only: n_local, place_1, place_2, turn_1, turn_2
@@ -158,7 +158,7 @@ contains
                 effort%torque = turned(body, 0, push(4:6))
             end if
             effort%power = dot_product(effort%force, body%r(:, 1) + turned(body, 1, load%point)) + &
-                dot_product(effort%torque, spin_of(body, 0))
+                dot_product(effort%torque, angular_velocity(body, 0))
         end associate
     end subroutine load_effort
 end module tandem_mechanism_effort

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Bounds of expressions while one of their variables, such as the time, varies over an interval.
 submodule(tandem_mechanism_expression) tandem_mechanism_enclosure
-    use tandem_mechanism_interval, only: add, branches_between, common_part, enclose_curvatures, enclose_slopes, enclose_value, &
+    use tandem_mechanism_interval, only: add, branches_between, intersection, enclose_curvatures, enclose_slopes, enclose_value, &
         exact, multiply, nothing, subtract
     use tandem_mechanism_operations, only: op_multiply, op_power_constant
     implicit none (type, external)
@@ -34,19 +34,20 @@ contains
     end procedure list_parts
 
     !> Bounds of the values and derivatives of all slots while one variable varies over an interval, by interval arithmetic and by
-    !> the mean value theorem, which is tighter in short intervals. Slots that depend on other variables are empty. The derivative
-    !> of a value that may jump within the interval is unbounded.
+    !> the mean value theorem, which is sharper in short intervals. Slots that depend on other variables are empty. The derivative
+    !> is unbounded if the value may jump within the interval.
     pure subroutine enclose(self, variable, from, to, w, w1, at_middle, sides, w2)
         class(expression_type), intent(in) :: self
-        !> Place in the list of names.
+        !> Index of the variable in the list of names.
         integer, intent(in) :: variable
         !> The interval.
         real(wp), intent(in) :: from, to
-        !> Values, derivatives, and the values at the middle of the interval with their rounding errors.
+        !> Bounds of the values and derivatives; bounds of the values at the middle of the interval, which include their rounding
+        !> errors.
         type(interval_type), intent(inout) :: w(:), w1(:), at_middle(:)
-        !> As in the evaluations.
+        !> Side of each kink: 1 or -1. By default the values of the variables decide.
         integer, intent(in), optional :: sides(:)
-        !> Second derivatives; unbounded if the branch of a kink is uncertain.
+        !> Bounds of the second derivatives; unbounded if the branch at a kink is uncertain.
         type(interval_type), intent(inout), optional :: w2(:)
         type(interval_type) :: a, b, b_at_middle, by_a, by_b, offset
         integer :: branches(2), operation, k, n, i, j
@@ -78,7 +79,7 @@ contains
                 b = w(j)
                 b_at_middle = at_middle(j)
                 if (operation == op_multiply .and. i == j) then
-                    ! A square has tighter bounds than a product.
+                    ! The bounds of a square are sharper than those of a product.
                     operation = op_power_constant
                     b = exact(2.0_wp)
                     b_at_middle = b
@@ -90,13 +91,13 @@ contains
                 call enclose_slopes(operation, a, b, w(n + k), branches, by_a, by_b)
                 w1(n + k) = add(multiply(by_a, w1(i)), multiply(by_b, w1(j)))
                 if (present(w2)) w2(n + k) = curvature(w2(i), w2(j))
-                w(n + k) = common_part(w(n + k), add(at_middle(n + k), multiply(w1(n + k), offset)))
+                w(n + k) = intersection(w(n + k), add(at_middle(n + k), multiply(w1(n + k), offset)))
             end do
         end associate
 
     contains
 
-        !> The second derivative of the current operation.
+        !> Bounds of the second derivative of the current operation.
         pure type(interval_type) function curvature(a2, b2) result(f2)
             !> Second derivatives of the operands.
             type(interval_type), intent(in) :: a2, b2
@@ -113,7 +114,7 @@ contains
             f2 = add(add(multiply(by_a, a2), multiply(by_b, b2)), add(multiply(by_aa, w1(i)), multiply(by_ab, w1(j))))
         end function curvature
 
-        !> Branches of the current operation at the middle.
+        !> Branches of the current operation at the middle of the interval.
         pure function middle_branches(a, b) result(branches)
             type(interval_type), intent(in) :: a, b
             integer :: branches(2)
@@ -126,7 +127,7 @@ contains
         end function middle_branches
     end subroutine enclose
 
-    !> Middle of an interval.
+    !> Midpoint of an interval.
     pure real(wp) function middle_of(from, to)
         real(wp), intent(in) :: from, to
 
@@ -145,7 +146,7 @@ contains
                 j = code%kink_right(k)
                 middle(k) = subtract(subtract(at_middle(i), at_middle(j)), exact(code%kink_offsets(k)))
                 rates(k) = subtract(w1(i), w1(j))
-                arguments(k) = common_part(subtract(subtract(w(i), w(j)), exact(code%kink_offsets(k))), &
+                arguments(k) = intersection(subtract(subtract(w(i), w(j)), exact(code%kink_offsets(k))), &
                     add(middle(k), multiply(rates(k), offset)))
             end do
         end associate

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> A mechanism as a list of dotted keys with values, `body.rod.mass` = 1, as given in files or by programs in other languages. Texts
-!> in place of numbers are expressions of the parameters. A later value of a key replaces an earlier one in its place.
+!> A mechanism as a list of dotted keys with values, such as `body.rod.mass` = 1, as given in files or by programs in other
+!> languages. Texts in place of numbers are expressions of the parameters. Setting a key again replaces its value.
 module tandem_mechanism_entries
     use tandem_kinds, only: wp
     use tandem_mechanism_expression_parser, only: name_length
@@ -11,41 +11,41 @@ module tandem_mechanism_entries
     public :: atom_type, value_type, entry_type, entries_type, is_number, is_text, is_truth, is_other, number_value, text_value, &
         truth_value
 
-    !> Kinds of atoms.
+    !> Types of items.
     integer, parameter :: is_number = 1, is_text = 2, is_truth = 3, is_other = 4
 
-    !> A number, a text or a truth value.
+    !> Item of a value: a number, a text or a logical value.
     type :: atom_type
         integer :: kind = is_number
         real(wp) :: number = 0.0_wp
-        !> True for a number without a decimal point and exponent.
+        !> True for a number written without decimal point and exponent.
         logical :: is_whole = .false.
         logical :: truth = .false.
-        !> The text; for `is_other` the kind of value in words, such as `a table`.
+        !> Text; for `is_other`, the type of the value in words, such as `a table`.
         character(len=:), allocatable :: text
-        !> Reason why the value is invalid; not allocated for valid ones.
+        !> Reason for which the value is invalid; not allocated for a valid value.
         character(len=:), allocatable :: problem
     end type atom_type
 
-    !> One atom, or a list of them.
+    !> A value: one item, or a list of items.
     type :: value_type
         logical :: is_list = .false.
-        !> Common length of the rows of a list of lists, whose atoms are stored in one list, row by row; 0 for other values.
+        !> Row length of a list of lists, whose items are stored row by row in one list; 0 for other values.
         integer :: row_length = 0
         type(atom_type), allocatable :: atoms(:)
     end type value_type
 
     !> A key with its value.
     type :: entry_type
-        !> Parts joined by dots.
+        !> The key, parts joined by dots.
         character(len=:), allocatable :: key
         type(value_type) :: value
-        !> Place of the entry, a number given by the caller; source that gives the value: 0 the description, i the i-th setting.
+        !> Position of the entry, as numbered by the caller; source that gives the value: 0 is the description, i the i-th setting.
         integer :: place = 0, source = 0
-        !> Value as given, with the index of a repeated element as a name.
+        !> Value as given, in which the indices of a repeated element occur by name.
         type(value_type) :: given
-        !> For a repeated element: names and values of the indices of its repetitions; the key as given, and the length of the name
-        !> of the element in it; true for the first copy.
+        !> For an element of a repetition: names and values of the indices; key as given, and length of the element's name in this
+        !> key; true for the first copy.
         character(len=name_length), allocatable :: index_names(:)
         integer, allocatable :: index_values(:)
         character(len=:), allocatable :: template
@@ -53,12 +53,12 @@ module tandem_mechanism_entries
         logical :: is_first = .true.
     end type entry_type
 
-    !> Keys with values, in the given order.
+    !> Keys with values, in the order in which they were given.
     type :: entries_type
-        !> The first `n` are used.
+        !> The entries; the first `n` of the array are used.
         type(entry_type), allocatable :: list(:)
         integer :: n = 0
-        !> Places of the keys in the list.
+        !> Indices of the keys in the list.
         type(name_index_type), private :: places
     contains
         generic :: set => set_value, set_number, set_text, set_truth, set_numbers, set_texts
@@ -97,7 +97,7 @@ contains
         value%atoms(1)%truth = truth
     end function truth_value
 
-    !> Remove the entries that are not marked.
+    !> Remove entries that are not marked.
     pure subroutine keep(self, mask)
         class(entries_type), intent(inout) :: self
         !> (n)
@@ -113,7 +113,7 @@ contains
         self%places = kept%places
     end subroutine keep
 
-    !> Index of a key; 0 if absent.
+    !> Index of the entry of a key; 0 if absent.
     pure integer function find(self, key)
         class(entries_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -128,7 +128,7 @@ contains
         end do
     end function find
 
-    !> Entries of some tables.
+    !> Copy the entries of some tables.
     pure subroutine of_tables(self, tables, entries)
         class(entries_type), intent(in) :: self
         character(len=*), intent(in) :: tables(:)
@@ -142,10 +142,10 @@ contains
         end do
     end subroutine of_tables
 
-    !> Number that a key gives, or 0.
+    !> Number given by a key; 0 if absent.
     pure real(wp) function number_at(self, key) result(number)
         class(entries_type), intent(in) :: self
-        !> With the table, as `time.end`.
+        !> Key including its table, such as `time.end`.
         character(len=*), intent(in) :: key
         integer :: k
 
@@ -158,7 +158,7 @@ contains
         end associate
     end function number_at
 
-    !> True if a key is given and true.
+    !> True if a key is given and has the value true.
     pure logical function truth_at(self, key) result(truth)
         class(entries_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -175,7 +175,7 @@ contains
         class(entries_type), intent(inout) :: self
         character(len=*), intent(in) :: key
         type(value_type), intent(in) :: value
-        !> Place of the entry, and its source.
+        !> Position and source of the entry.
         integer, intent(in), optional :: place, source
         type(entry_type) :: entry
         integer :: i
@@ -248,7 +248,7 @@ contains
         call self%set_value(key, several, place)
     end subroutine set_numbers
 
-    !> Set texts, without trailing blanks.
+    !> Set texts without their trailing blanks.
     pure subroutine set_texts(self, key, value, place)
         class(entries_type), intent(inout) :: self
         character(len=*), intent(in) :: key, value(:)

@@ -1,15 +1,15 @@
 ! SPDX-License-Identifier: MIT
-!> Expressions of named variables with exact derivatives: value, gradient, first and second derivative along a direction, and the
+!> Expressions of named variables with exact derivatives: value, gradient, first and second derivative along a direction, and
 !> gradient of the derivative along a direction.
 !>
-!> An expression is parsed once into a list of operations. An evaluation passes through the list: forwards for derivatives along a
-!> direction, then backwards for gradients, so that the cost of a gradient does not depend on the number of variables. Evaluations
-!> allocate nothing and do not change the expression, so that threads may share it. If a value or a derivative does not exist, the
-!> result is not finite.
+!> An expression is parsed once into a list of operations. Evaluations process the list forwards for derivatives along a direction,
+!> and then backwards for gradients, so that the cost of a gradient does not depend on the number of variables. Evaluations allocate
+!> no memory and do not change the expression, so that threads may share it. If a value or derivative does not exist, the result is
+!> not finite.
 !>
-!> abs, sign, step, ramp, min, max and smooth_step have kinks. At a kink the branch of the positive side and its derivatives are
-!> taken. With `sides`, one entry per kink, the caller selects the branches, which extend smoothly beyond the kink: a simulation
-!> keeps them constant within a smooth piece and changes them at a zero of the argument of the kink.
+!> abs, sign, step, ramp, min, max and smooth_step have kinks. By default the value and derivatives at a kink are those of the
+!> positive side. With `sides`, one entry per kink, the caller selects branches, which are continued smoothly beyond the kink. A
+!> simulation keeps the branches constant within a smooth piece and changes them when the argument of the kink vanishes.
 module tandem_mechanism_expression
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -23,41 +23,42 @@ module tandem_mechanism_expression
 
     public :: expression_type, parse_expression, check_name
 
-    !> An expression, ready to be evaluated.
+    !> Expression in a form that is ready for evaluation.
     type :: expression_type
         type(code_type), private :: code
     contains
-        !> Inquiries about the structure.
-        procedure :: is_constant, first_not_in, n_operations
+        !> Structure.
+        procedure :: is_constant, first_outside, n_operations
         procedure :: n_kinks, kink_order, kink_depends_on_others, renumber, list_parts
-        !> Evaluations at a point.
+        !> Evaluation at a point.
         procedure :: value => evaluate_value, evaluate_gradient, evaluate_along
         procedure :: evaluate_gradient_along, evaluate_kinks, find_sides
-        !> Enclosures of the value while one variable varies over an interval.
+        !> Bounds of the value while one variable varies over an interval.
         procedure :: enclose_kinks, enclose_parts, evaluate_parts
         procedure, private :: fill_leaves, branch_at, branch_with
     end type expression_type
 
     interface
-        !> Largest parts of the expression that depend on one variable only, excluding the variable itself.
+        !> List the largest parts of the expression that depend on one variable only, excluding the variable itself.
         pure module function list_parts(self, variable) result(parts)
             implicit none (type, external)
             class(expression_type), intent(in) :: self
-            !> Its place in the list of names.
+            !> Index of the variable in the list of names.
             integer, intent(in) :: variable
-            !> For `enclose_parts` and `evaluate_parts`.
+            !> Indices for `enclose_parts` and `evaluate_parts`.
             integer, allocatable :: parts(:)
         end function list_parts
 
-        !> Bounds of the arguments of kinks and of their derivatives while one variable varies over an interval; empty for kinks
-        !> that depend on other variables. Derivatives of arguments that may jump are unbounded.
+        !> Bounds of the arguments of kinks and of their derivatives while one variable varies over an interval. Bounds are empty
+        !> for kinks that depend on other variables. Derivatives of arguments that may jump are unbounded.
         pure module subroutine enclose_kinks(self, variable, from, to, arguments, rates, middle)
             implicit none (type, external)
             class(expression_type), intent(in) :: self
             integer, intent(in) :: variable
             !> The interval.
             real(wp), intent(in) :: from, to
-            !> One entry per kink; `middle` has the arguments at the middle of the interval with their rounding errors.
+            !> One entry per kink. `middle` contains bounds of the arguments at the middle of the interval, which include rounding
+            !> errors.
             type(interval_type), intent(out) :: arguments(:), rates(:), middle(:)
         end subroutine enclose_kinks
 
@@ -94,27 +95,27 @@ contains
     subroutine parse_expression(expression, text, variables, error, names, values, key, column)
         type(expression_type), intent(out) :: expression
         character(len=*), intent(in) :: text
-        !> Names of the variables, in the order of the points of evaluation.
+        !> Names of the variables, in the order of their values in evaluations.
         character(len=*), intent(in) :: variables(:)
         type(error_type), allocatable, intent(out) :: error
         !> Names and values of parameters, which become constants.
         character(len=*), intent(in), optional :: names(:)
         real(wp), intent(in), optional :: values(:)
-        !> Name for messages, such as 'joint.motor.motion'.
+        !> Key for messages, such as 'joint.motor.motion'.
         character(len=*), intent(in), optional :: key
-        !> Place of the error in the text, from 1; 0 if none.
+        !> Position of an error in the text, from 1; 0 if there is no error.
         integer, intent(out), optional :: column
         character(len=:), allocatable :: problem
-        integer :: place
+        integer :: position
 
         if (present(names) .and. present(values)) then
-            call compile(text, variables, names, values, expression%code, place, problem)
+            call compile(text, variables, names, values, expression%code, position, problem)
         else
-            call compile(text, variables, [character(len=1) ::], [real(wp) ::], expression%code, place, problem)
+            call compile(text, variables, [character(len=1) ::], [real(wp) ::], expression%code, position, problem)
         end if
-        if (present(column)) column = merge(place, 0, allocated(problem))
+        if (present(column)) column = merge(position, 0, allocated(problem))
         if (.not. allocated(problem)) return
-        problem = 'column '//to_text(place)//' of '//excerpt(text, place)//': '//problem
+        problem = 'column '//to_text(position)//' of '//excerpt(text, position)//': '//problem
         if (present(key)) problem = key//': '//problem
         call set_error(error, status_invalid_model, problem, 'correct the expression')
     end subroutine parse_expression
@@ -136,36 +137,36 @@ contains
         end if
     end subroutine check_name
 
-    !> Length of the quoted part of a text.
-    pure integer function excerpt_length(text, place)
+    !> Length of a quotation from a text.
+    pure integer function excerpt_length(text, position)
         character(len=*), intent(in) :: text
-        integer, intent(in) :: place
+        integer, intent(in) :: position
         integer, parameter :: shown = 30
 
-        excerpt_length = min(len(text), place + shown) - max(1, place - shown) + 1 + 2 + merge(3, 0, place > shown + 1) + &
-            merge(3, 0, len(text) > place + shown)
+        excerpt_length = min(len(text), position + shown) - max(1, position - shown) + 1 + 2 + merge(3, 0, position > shown + 1) + &
+            merge(3, 0, len(text) > position + shown)
     end function excerpt_length
 
-    !> Text around a place in quotation marks, without control characters.
-    pure function excerpt(text, place) result(quoted)
+    !> Quotation of a text around a position, without control characters.
+    pure function excerpt(text, position) result(quoted)
         character(len=*), intent(in) :: text
-        integer, intent(in) :: place
-        character(len=excerpt_length(text, place)) :: quoted
+        integer, intent(in) :: position
+        character(len=excerpt_length(text, position)) :: quoted
         integer, parameter :: shown = 30
         integer :: i, n
 
         quoted = '"'
         n = 1
-        if (place > shown + 1) then
+        if (position > shown + 1) then
             quoted(2:4) = '...'
             n = 4
         end if
-        do i = max(1, place - shown), min(len(text), place + shown)
+        do i = max(1, position - shown), min(len(text), position + shown)
             n = n + 1
             quoted(n:n) = merge(text(i:i), '?', iachar(text(i:i)) >= 32 .and. iachar(text(i:i)) < 127)
         end do
         quoted(n + 1:) = '"'
-        if (len(text) > place + shown) quoted(n + 1:) = '..."'
+        if (len(text) > position + shown) quoted(n + 1:) = '..."'
     end function excerpt
 
     !> True if the expression contains no variable.
@@ -175,21 +176,21 @@ contains
         is_constant = size(self%code%variables) == 0
     end function is_constant
 
-    !> First variable of the expression that is not in a set; 0 if none.
-    pure integer function first_not_in(self, some)
+    !> First variable of the expression that is not in a set; 0 if all are.
+    pure integer function first_outside(self, some)
         class(expression_type), intent(in) :: self
         !> True for each variable in the set.
         logical, intent(in) :: some(:)
         integer :: i
 
         do i = 1, size(self%code%variables)
-            first_not_in = self%code%variables(i)
-            if (.not. some(first_not_in)) return
+            first_outside = self%code%variables(i)
+            if (.not. some(first_outside)) return
         end do
-        first_not_in = 0
-    end function first_not_in
+        first_outside = 0
+    end function first_outside
 
-    !> Number of operations of an evaluation.
+    !> Number of operations per evaluation.
     pure integer function n_operations(self)
         class(expression_type), intent(in) :: self
 
@@ -203,7 +204,7 @@ contains
         n_kinks = size(self%code%kink_left)
     end function n_kinks
 
-    !> Lowest derivative that jumps at a kink: 0 the value (sign, step), 1 the slope (abs, ramp, min, max), 3 (smooth_step).
+    !> Lowest derivative that jumps at a kink: 0 is the value (sign, step), 1 the slope (abs, ramp, min, max), 3 (smooth_step).
     pure integer function kink_order(self, kink)
         class(expression_type), intent(in) :: self
         integer, intent(in) :: kink
@@ -211,11 +212,11 @@ contains
         kink_order = self%code%kink_orders(kink)
     end function kink_order
 
-    !> True if the argument of a kink depends on any variable but one.
+    !> True if the argument of a kink depends on any variable other than the given one.
     pure logical function kink_depends_on_others(self, kink, variable) result(depends)
         class(expression_type), intent(in) :: self
         integer, intent(in) :: kink
-        !> Place of this variable in the list of names.
+        !> Index of this variable in the list of names.
         integer, intent(in) :: variable
         logical :: w(max_slots)
         integer :: k, n
@@ -232,10 +233,10 @@ contains
         end associate
     end function kink_depends_on_others
 
-    !> Renumber the variables: only those that occur, consecutively.
+    !> Renumber the variables consecutively, omitting those that do not occur.
     pure subroutine renumber(self, used)
         class(expression_type), intent(inout) :: self
-        !> Their places in the list of names; in later evaluations x(i) is the variable used(i).
+        !> Previous indices: in later evaluations x(i) is the variable used(i).
         integer, allocatable, intent(out) :: used(:)
         integer :: i
 
@@ -243,7 +244,7 @@ contains
         self%code%variables = [(i, i=1, size(used))]
     end subroutine renumber
 
-    !> Fill the first slots with variables and constants.
+    !> Set the slots of variables and constants.
     pure subroutine fill_leaves(self, x, w)
         class(expression_type), intent(in) :: self
         real(wp), intent(in) :: x(:)
@@ -259,10 +260,10 @@ contains
         end do
     end subroutine fill_leaves
 
-    !> Branch of an operation with respect to its kink.
+    !> Branch of an operation with kinks.
     pure integer function branch_at(self, k, a, b, sides) result(branch)
         class(expression_type), intent(in) :: self
-        !> The operation and its operands.
+        !> Index of the operation, and values of its operands.
         integer, intent(in) :: k
         real(wp), intent(in) :: a, b
         integer, intent(in), optional :: sides(:)
@@ -276,24 +277,24 @@ contains
         end if
     end function branch_at
 
-    !> Branch of an operation whose kinks have given sides.
+    !> Branch of an operation for given sides of its kinks.
     pure integer function branch_with(self, k, sides) result(branch)
         class(expression_type), intent(in) :: self
         integer, intent(in) :: k, sides(:)
         integer :: kink, last
 
         kink = self%code%first_kink(k)
-        ! A smooth step has two kinks: that at 0, then that at 1.
+        ! smooth_step has two kinks, first at 0, then at 1.
         last = kink
         if (self%code%kink_orders(kink) > 1) last = kink + 1
         branch = count(sides(kink:last) >= 0)
         if (last > kink .and. sides(last) >= 0) branch = 2
     end function branch_with
 
-    !> The value.
+    !> Value of the expression.
     pure real(wp) function evaluate_value(self, x, sides) result(value)
         class(expression_type), intent(in) :: self
-        !> Variables, in the order of their names.
+        !> Values of the variables, in the order of their names.
         real(wp), intent(in) :: x(:)
         !> Side of each kink: 1 or -1. By default the values of the variables decide.
         integer, intent(in), optional :: sides(:)
@@ -303,7 +304,7 @@ contains
         value = w(self%code%n_slots)
     end function evaluate_value
 
-    !> Values of all slots.
+    !> Evaluate all slots.
     pure subroutine fill_values(self, x, w, sides)
         class(expression_type), intent(in) :: self
         real(wp), intent(in) :: x(:)
@@ -326,10 +327,10 @@ contains
     !> Value and gradient.
     pure subroutine evaluate_gradient(self, x, value, gradient, sides)
         class(expression_type), intent(in) :: self
-        !> The variables.
+        !> Values of the variables.
         real(wp), intent(in) :: x(:)
         real(wp), intent(out) :: value
-        !> With respect to each variable; zero if it does not occur.
+        !> Derivatives with respect to the variables; zero for a variable that does not occur.
         real(wp), intent(out) :: gradient(:)
         integer, intent(in), optional :: sides(:)
         real(wp) :: w(max_slots), g(max_slots), d(5, max_slots), a, b
@@ -357,10 +358,10 @@ contains
         end associate
     end subroutine evaluate_gradient
 
-    !> Value, and first and second derivative of s -> f(x + s v) at s = 0.
+    !> Value, and first and second derivative of f(x + s v) with respect to s at s = 0.
     pure subroutine evaluate_along(self, x, v, value, first, second, sides)
         class(expression_type), intent(in) :: self
-        !> Variables and direction.
+        !> Values of the variables, and direction.
         real(wp), intent(in) :: x(:), v(:)
         real(wp), intent(out) :: value, first, second
         integer, intent(in), optional :: sides(:)
@@ -389,7 +390,7 @@ contains
         end associate
     end subroutine evaluate_along
 
-    !> Fill the slots of the variables with the direction, and those of the constants with zero.
+    !> Set the slots of variables to the direction, and those of constants to zero.
     pure subroutine fill_directions(self, v, w1)
         class(expression_type), intent(in) :: self
         real(wp), intent(in) :: v(:)
@@ -404,15 +405,15 @@ contains
         end do
     end subroutine fill_directions
 
-    !> Value, derivative along a direction, gradient, and gradient of the derivative along the direction, which is the derivative of
-    !> the gradient along the direction: the product of the second derivatives with v.
+    !> Value, derivative along a direction v, gradient, and the derivative of the gradient along v, which is the matrix of second
+    !> derivatives times v.
     pure subroutine evaluate_gradient_along(self, x, v, value, first, gradient, gradient_along, sides)
         class(expression_type), intent(in) :: self
-        !> Variables and direction.
+        !> Values of the variables, and direction.
         real(wp), intent(in) :: x(:), v(:)
         real(wp), intent(out) :: value, first, gradient(:), gradient_along(:)
         integer, intent(in), optional :: sides(:)
-        !> Values of all slots, and derivatives of the result with respect to them, each with its derivative along v.
+        !> Values of all slots; derivatives of the result with respect to the slots; derivatives of both along v.
         real(wp) :: w(max_slots), w1(max_slots), g(max_slots), g1(max_slots)
         real(wp) :: d(5, max_slots)
         integer :: k, n, i, j
@@ -449,10 +450,10 @@ contains
         end associate
     end subroutine evaluate_gradient_along
 
-    !> Argument of each kink, which is zero at the kink, and its derivative along a direction.
+    !> Argument of each kink, which vanishes at the kink, and its derivative along a direction.
     pure subroutine evaluate_kinks(self, x, v, arguments, rates, sides)
         class(expression_type), intent(in) :: self
-        !> Variables, and direction, such as the rates of the variables.
+        !> Values of the variables; direction, such as their rates.
         real(wp), intent(in) :: x(:), v(:)
         !> One entry per kink.
         real(wp), intent(out) :: arguments(:), rates(:)
@@ -479,13 +480,13 @@ contains
         end associate
     end subroutine evaluate_kinks
 
-    !> Side of each kink at a point; at the kink itself the side to which a motion along v leads. A run that continues from the
+    !> Side of each kink at a point. At the kink itself, the side into which a motion along v leads. A run that continues from the
     !> point keeps these sides.
     pure subroutine find_sides(self, x, v, sides)
         class(expression_type), intent(in) :: self
-        !> Variables and their rates.
+        !> Values of the variables and their rates.
         real(wp), intent(in) :: x(:), v(:)
-        !> 1 or -1 per kink.
+        !> 1 or -1 for each kink.
         integer, intent(out) :: sides(:)
         real(wp) :: arguments(size(sides)), rates(size(sides))
         integer :: k

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Lists of operations: construction while an expression is parsed, and the final form for evaluation.
+!> Lists of operations that represent expressions: construction during parsing, and the final form for evaluation.
 module tandem_mechanism_expression_code
     use tandem_kinds, only: long, wp
     use tandem_mechanism_operations, only: branch_of, has_kink, is_commutative, kink_order, op_smooth_step, value_of
@@ -8,20 +8,20 @@ module tandem_mechanism_expression_code
 
     public :: code_type, builder_type, operand_type, max_slots
 
-    !> Largest number of slots: evaluations use arrays of this size and need no allocation.
+    !> Largest number of slots. Evaluations use arrays of this size and need no allocation.
     integer, parameter :: max_slots = 1000
-    !> Leaves of a list under construction.
+    !> Leaves of a list under construction, in place of operations.
     integer, parameter :: leaf_constant = 0, leaf_variable = -1
 
-    !> A list of operations. Values are stored in slots: first the variables, then constants, then one slot per operation; an
-    !> operation reads only earlier slots. The last slot is the value of the expression.
+    !> List of operations in its final form. Values are stored in slots: the variables, then the constants, then one slot per
+    !> operation. An operation reads only earlier slots. The last slot is the value of the expression.
     type :: code_type
-        !> Variables that occur, as places in the list of names.
+        !> Variables that occur, as indices in the list of names.
         integer, allocatable :: variables(:)
         real(wp), allocatable :: constants(:)
         !> Operations and their operands.
         integer, allocatable :: operations(:), left(:), right(:)
-        !> First kink of an operation; 0 if none.
+        !> Index of the first kink of each operation, 0 if none.
         integer, allocatable :: first_kink(:)
         !> For each kink: the two slots whose difference is compared with an offset; the lowest derivative that jumps.
         integer, allocatable :: kink_left(:), kink_right(:)
@@ -31,15 +31,15 @@ module tandem_mechanism_expression_code
         integer :: n_slots = 0
     end type code_type
 
-    !> An operand: a place in the list under construction, or a constant that is not in the list yet.
+    !> An operand: an index in the list under construction, or a constant that is not stored in the list yet.
     type :: operand_type
         integer :: node = 0
         real(wp) :: value = 0.0_wp
     end type operand_type
 
-    !> A list under construction. Operations on constants are carried out at once, and repeated operations are stored once.
+    !> List under construction. Operations on constants are evaluated at once, and repeated operations are stored once.
     type :: builder_type
-        !> True once an operation has exceeded the list, which is then invalid.
+        !> True if there were too many operations; the list is then invalid.
         logical :: is_full = .false.
         integer, private :: n = 0
         integer, private :: operations(max_slots), left(max_slots), right(max_slots)
@@ -51,10 +51,10 @@ module tandem_mechanism_expression_code
 
 contains
 
-    !> A variable as operand.
+    !> Operand that is a variable.
     type(operand_type) function variable(self, i)
         class(builder_type), intent(inout) :: self
-        !> Place in the list of names.
+        !> Index in the list of names.
         integer, intent(in) :: i
 
         call self%append(leaf_variable, i, 0, 0.0_wp, variable%node)
@@ -81,7 +81,7 @@ contains
         end if
     end subroutine apply
 
-    !> Place of an operand in the list.
+    !> Index of an operand in the list.
     subroutine place_of(self, operand, node)
         class(builder_type), intent(inout) :: self
         type(operand_type), intent(in) :: operand
@@ -91,7 +91,7 @@ contains
         if (node == 0) call self%append(leaf_constant, 0, 0, operand%value, node)
     end subroutine place_of
 
-    !> Append an operation unless the list contains it.
+    !> Append an operation, unless the list already contains it.
     subroutine append(self, operation, left, right, constant, node)
         class(builder_type), intent(inout) :: self
         integer, intent(in) :: operation, left, right
@@ -114,7 +114,7 @@ contains
         self%constants(node) = constant
     end subroutine append
 
-    !> Arrange the final list: only the operations that the result needs, leaves first.
+    !> Produce the final list, leaves first, which contains only operations on which the result depends.
     subroutine arrange(self, last, code)
         class(builder_type), intent(inout) :: self
         type(operand_type), intent(in) :: last
@@ -152,7 +152,7 @@ contains
 
     contains
 
-        !> Number the next slot.
+        !> Assign the next slot to an entry.
         subroutine number(node)
             integer, intent(in) :: node
 
@@ -161,7 +161,7 @@ contains
         end subroutine number
     end subroutine arrange
 
-    !> List the kinks of the operations in order; a smooth step has two, at 0 and at 1.
+    !> List the kinks of the operations in order.
     pure subroutine list_kinks(code)
         type(code_type), intent(inout) :: code
         integer :: k, i

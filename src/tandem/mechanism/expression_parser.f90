@@ -2,8 +2,9 @@
 !> Parse the text of an expression into a list of operations.
 !>
 !> sum = product {(+|-) product}, product = factor {(*|/) factor}, factor = {+|-} power, power = operand [(^|**) factor], operand =
-!> number | name | function(sum {, sum}) | (sum). Operations on constants are carried out at once, and repeated operations are
-!> stored once. Text, depth and list are bounded, so that parsing any text ends in bounded time with a list or with one error.
+!> number | name | function(sum {, sum}) | (sum). Operations on constants are evaluated at once, and repeated operations are stored
+!> once. The length of the text, the depth of nesting and the length of the list are bounded, so that parsing of any text ends in
+!> bounded time with a list or with one error.
 module tandem_mechanism_expression_parser
     use tandem_error, only: to_text
     use tandem_kinds, only: wp
@@ -21,7 +22,7 @@ module tandem_mechanism_expression_parser
     character(len=*), parameter :: digits = '0123456789', &
         letters = 'abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ'
 
-    !> Length of the displayed part of a text.
+    !> Length of quotations in messages.
     integer, parameter :: found_length = 32
     !> Largest lengths of a text and of a name.
     integer, parameter :: max_length = 4000, name_length = 128
@@ -32,26 +33,26 @@ module tandem_mechanism_expression_parser
     !> Text and list during parsing.
     type :: parser_type
         character(len=:), allocatable :: text
-        !> Names of variables, then of constants, then of pi.
+        !> Names of the variables, then of the constants, then pi.
         character(len=name_length), allocatable :: names(:)
         integer :: n_variables = 0
         !> Values of the constants.
         real(wp), allocatable :: values(:)
         integer :: at = 1, depth = 0
         type(builder_type) :: list
-        !> The first problem, with its place.
+        !> First error, and its position.
         character(len=:), allocatable :: problem
         integer :: column = 0
     contains
-        procedure :: fail, skip_blanks, found, found_behind, is_next, takes
+        procedure :: fail, skip_blanks, quote, quote_with_advice, is_next, consume
         procedure :: parse_sum, parse_product, parse_factor, parse_power, parse_operand
         procedure :: parse_number, parse_function, parse_name
-        procedure :: make_power, make_smooth_step, make
+        procedure :: append_power, append_smooth_step, append_operation
     end type parser_type
 
 contains
 
-    !> List of an expression, or the problem in its text.
+    !> Compile an expression into a list of operations, or return the error in its text.
     subroutine compile(text, variables, names, values, code, column, problem)
         character(len=*), intent(in) :: text
         !> Names of the variables, at most `name_length` long.
@@ -60,9 +61,9 @@ contains
         character(len=*), intent(in) :: names(:)
         real(wp), intent(in) :: values(:)
         type(code_type), intent(out) :: code
-        !> Place of the problem, from 1.
+        !> Position of the error, from 1.
         integer, intent(out) :: column
-        !> Not allocated if there is none.
+        !> Error message; not allocated after success.
         character(len=:), allocatable, intent(out) :: problem
         type(parser_type), allocatable :: parser
         type(operand_type) :: last
@@ -87,7 +88,7 @@ contains
             if (scan(text(parser%at:parser%at), '<>=!&|?:') > 0) then
                 call parser%fail(parser%at, 'comparisons are not available; use step, ramp, min or max')
             else
-                call parser%fail(parser%at, 'expected an operator or the end, found '//trim(parser%found_behind()))
+                call parser%fail(parser%at, 'expected an operator or the end, found '//trim(parser%quote_with_advice()))
             end if
         end if
         if (.not. allocated(parser%problem)) then
@@ -100,24 +101,24 @@ contains
         end if
     end subroutine compile
 
-    !> Text at the current place, for messages, with advice if it is an operand directly after another one.
-    pure function found_behind(self) result(text)
+    !> Text at the current position, for messages. If it is an operand that follows another operand, advice is added.
+    pure function quote_with_advice(self) result(text)
         class(parser_type), intent(in) :: self
         character(len=found_length + 26) :: text
 
-        text = self%found()
+        text = self%quote()
         if (self%at > len(self%text)) return
         if (scan(self%text(self%at:self%at), letters//digits//'_(.') > 0) text = trim(text)//'; a product needs *'
-    end function found_behind
+    end function quote_with_advice
 
-    !> True for a name: a letter, then letters, digits and underscores; parts of this form are joined by dots.
+    !> True if a text is a name: letters, digits and underscores after a letter; names of this form joined by dots are names too.
     pure logical function is_name(text)
         character(len=*), intent(in) :: text
 
         is_name = name_end(text, 1) == len(text) .and. len(text) > 0
     end function is_name
 
-    !> End of the name that begins at a place; the place before it if there is none.
+    !> Last position of the name that begins at a position; the position before it if there is none.
     pure integer function name_end(text, first)
         character(len=*), intent(in) :: text
         integer, intent(in) :: first
@@ -137,7 +138,7 @@ contains
         end do
     end function name_end
 
-    !> Store the first problem.
+    !> Store the first error.
     subroutine fail(self, column, problem)
         class(parser_type), intent(inout) :: self
         integer, intent(in) :: column
@@ -148,15 +149,15 @@ contains
         self%problem = problem
     end subroutine fail
 
-    !> Advance to the next nonblank character.
+    !> Advance to the next character that is not blank.
     subroutine skip_blanks(self)
         class(parser_type), intent(inout) :: self
 
         self%at = self%at - 1 + verify(self%text(self%at:)//'|', ' '//achar(9))
     end subroutine skip_blanks
 
-    !> Text at the current place, for messages.
-    pure function found(self) result(text)
+    !> Text at the current position, for messages.
+    pure function quote(self) result(text)
         class(parser_type), intent(in) :: self
         character(len=found_length) :: text
         integer :: last
@@ -168,9 +169,9 @@ contains
         last = max(name_end(self%text, self%at), self%at)
         if (scan(self%text(last:last), digits) > 0) last = last - 1 + verify(self%text(last:)//' ', digits//'.') - 1
         text = '"'//printable(self%text(self%at:min(last, self%at + found_length - 3)))//'"'
-    end function found
+    end function quote
 
-    !> A text for messages: control characters and the bytes of letters beyond ASCII become question marks.
+    !> Text for messages, in which control characters and bytes of non-ASCII characters are replaced by question marks.
     pure function printable(text) result(shown)
         character(len=*), intent(in) :: text
         character(len=len(text)) :: shown
@@ -182,7 +183,7 @@ contains
         end do
     end function printable
 
-    !> True if a symbol is next.
+    !> True if the next characters are a given symbol.
     pure logical function is_next(self, symbol)
         class(parser_type), intent(in) :: self
         character(len=*), intent(in) :: symbol
@@ -190,20 +191,20 @@ contains
         is_next = self%text(self%at:min(self%at + len(symbol) - 1, len(self%text))) == symbol
     end function is_next
 
-    !> Read a symbol if it is next; true if it was.
-    logical function takes(self, symbol)
+    !> Consume a symbol if it is next; true in this case.
+    logical function consume(self, symbol)
         class(parser_type), intent(inout) :: self
         character(len=*), intent(in) :: symbol
 
-        takes = self%is_next(symbol)
-        ! The second of two stars belongs to the first.
-        if (symbol == '*' .and. takes) takes = .not. self%is_next('**')
-        if (.not. takes) return
+        consume = self%is_next(symbol)
+        ! A star that is the first of two is not a multiplication.
+        if (symbol == '*' .and. consume) consume = .not. self%is_next('**')
+        if (.not. consume) return
         self%at = self%at + len(symbol)
         call self%skip_blanks
-    end function takes
+    end function consume
 
-    !> A sum of products.
+    !> Parse a sum of products.
     recursive subroutine parse_sum(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -213,19 +214,19 @@ contains
         call self%parse_product(value)
         do while (.not. allocated(self%problem))
             column = self%at
-            if (self%takes('+')) then
+            if (self%consume('+')) then
                 call self%parse_product(right)
-                call self%make(op_add, value, right, column)
-            else if (self%takes('-')) then
+                call self%append_operation(op_add, value, right, column)
+            else if (self%consume('-')) then
                 call self%parse_product(right)
-                call self%make(op_subtract, value, right, column)
+                call self%append_operation(op_subtract, value, right, column)
             else
                 exit
             end if
         end do
     end subroutine parse_sum
 
-    !> A product of factors.
+    !> Parse a product of factors.
     recursive subroutine parse_product(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -235,19 +236,19 @@ contains
         call self%parse_factor(value)
         do while (.not. allocated(self%problem))
             column = self%at
-            if (self%takes('*')) then
+            if (self%consume('*')) then
                 call self%parse_factor(right)
-                call self%make(op_multiply, value, right, column)
-            else if (self%takes('/')) then
+                call self%append_operation(op_multiply, value, right, column)
+            else if (self%consume('/')) then
                 call self%parse_factor(right)
-                call self%make(op_divide, value, right, column)
+                call self%append_operation(op_divide, value, right, column)
             else
                 exit
             end if
         end do
     end subroutine parse_product
 
-    !> A power with leading signs: -2^2 is -4. All nested expressions pass through here.
+    !> Parse a power with leading signs: -2^2 is -4. All nested expressions pass through this procedure.
     recursive subroutine parse_factor(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -263,18 +264,18 @@ contains
         column = self%at
         is_negative = .false.
         do
-            if (self%takes('-')) then
+            if (self%consume('-')) then
                 is_negative = .not. is_negative
-            else if (.not. self%takes('+')) then
+            else if (.not. self%consume('+')) then
                 exit
             end if
         end do
         call self%parse_power(value)
-        if (is_negative) call self%make(op_negate, value, operand_type(), column)
+        if (is_negative) call self%append_operation(op_negate, value, operand_type(), column)
         self%depth = self%depth - 1
     end subroutine parse_factor
 
-    !> An operand and its exponent, which may itself have signs and powers: 2^-3^2 is 2^(-(3^2)).
+    !> Parse an operand and its exponent, which may itself have signs and powers: 2^-3^2 is 2^(-(3^2)).
     recursive subroutine parse_power(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -284,25 +285,25 @@ contains
         call self%parse_operand(value)
         if (allocated(self%problem)) return
         column = self%at
-        if (.not. self%takes('^')) then
-            if (.not. self%takes('**')) return
+        if (.not. self%consume('^')) then
+            if (.not. self%consume('**')) return
         end if
         call self%parse_factor(exponent)
-        call self%make_power(value, exponent, column)
+        call self%append_power(value, exponent, column)
     end subroutine parse_power
 
-    !> A number, a name, a function or an expression in parentheses.
+    !> Parse a number, a name, a function or an expression in parentheses.
     recursive subroutine parse_operand(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
         integer :: column, last
 
         column = self%at
-        if (self%takes('(')) then
+        if (self%consume('(')) then
             call self%parse_sum(value)
             if (allocated(self%problem)) return
-            if (.not. self%takes(')')) call self%fail(self%at, 'expected ")" for the "(" of column '//to_text(column)// &
-                ', found '//trim(self%found_behind()))
+            if (.not. self%consume(')')) call self%fail(self%at, 'expected ")" for the "(" of column '//to_text(column)// &
+                ', found '//trim(self%quote_with_advice()))
             return
         end if
         last = name_end(self%text, column)
@@ -317,11 +318,11 @@ contains
         else if (verify(self%text(column:)//'|', digits//'.') > 1) then
             call self%parse_number(value)
         else
-            call self%fail(column, 'expected a number, a name or "(", found '//trim(self%found()))
+            call self%fail(column, 'expected a number, a name or "(", found '//trim(self%quote()))
         end if
     end subroutine parse_operand
 
-    !> A number: digits with optional point and exponent.
+    !> Parse a number: digits with optional decimal point and exponent.
     subroutine parse_number(self, value)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(out) :: value
@@ -342,7 +343,7 @@ contains
             self%at = self%at + 1
             if (next('+-')) self%at = self%at + 1
             if (.not. next(digits)) then
-                call self%fail(self%at, 'expected the digits of an exponent, found '//trim(self%found()))
+                call self%fail(self%at, 'expected the digits of an exponent, found '//trim(self%quote()))
                 return
             end if
             call skip_digits
@@ -369,8 +370,8 @@ contains
         end subroutine skip_digits
     end subroutine parse_number
 
-    !> List of the variables for messages, if they are few.
-    pure function what_there_is(self) result(text)
+    !> List of the variables for messages, if there are only a few.
+    pure function list_of_variables(self) result(text)
         class(parser_type), intent(in) :: self
         integer, parameter :: few = 8
         character(len=few*(len(self%names) + 2) + 24) :: text
@@ -382,9 +383,9 @@ contains
         do i = 2, self%n_variables
             text = trim(text)//', '//self%names(i)
         end do
-    end function what_there_is
+    end function list_of_variables
 
-    !> A variable or a constant.
+    !> Look up a variable or a constant.
     subroutine parse_name(self, column, name, value)
         class(parser_type), intent(inout) :: self
         integer, intent(in) :: column
@@ -399,7 +400,7 @@ contains
             if (self%is_next('(')) then
                 call self%fail(column, 'there is no function "'//name//'"'//question(name, functions%name))
             else
-                call self%fail(column, 'there is no "'//name//'"'//question(name, self%names)//trim(what_there_is(self)))
+                call self%fail(column, 'there is no "'//name//'"'//question(name, self%names)//trim(list_of_variables(self)))
             end if
             return
         end if
@@ -416,18 +417,18 @@ contains
         end if
     end subroutine parse_name
 
-    !> A function and its arguments.
+    !> Parse the arguments of a function.
     recursive subroutine parse_function(self, column, row, value)
         class(parser_type), intent(inout) :: self
-        !> Place of its name.
+        !> Position of the function's name.
         integer, intent(in) :: column
         type(function_type), intent(in) :: row
         type(operand_type), intent(out) :: value
         type(operand_type) :: arguments(maxval(functions%most))
         integer :: n, i
 
-        if (.not. self%takes('(')) then
-            call self%fail(self%at, 'expected "(" after the function '//trim(row%name)//', found '//trim(self%found()))
+        if (.not. self%consume('(')) then
+            call self%fail(self%at, 'expected "(" after the function '//trim(row%name)//', found '//trim(self%quote()))
             return
         end if
         n = 0
@@ -436,11 +437,11 @@ contains
             if (n > row%most) exit
             call self%parse_sum(arguments(n))
             if (allocated(self%problem)) return
-            if (.not. self%takes(',')) exit
+            if (.not. self%consume(',')) exit
         end do
         if (n <= row%most .and. .not. self%is_next(')')) then
             call self%fail(self%at, 'expected ")" or "," in the arguments of '//trim(row%name)//', found '// &
-                trim(self%found_behind()))
+                trim(self%quote_with_advice()))
         else if (n < row%least .or. n > row%most .or. (row%operation == op_smooth_step .and. n == 2)) then
             call self%fail(column, trim(row%name)//' takes '//trim(numbers_of_arguments(row)))
         end if
@@ -449,12 +450,12 @@ contains
         call self%skip_blanks
         value = arguments(1)
         if (row%operation == op_smooth_step) then
-            call self%make_smooth_step(n, arguments, column, value)
+            call self%append_smooth_step(n, arguments, column, value)
         else if (n == 1) then
-            call self%make(row%operation, value, operand_type(), column)
+            call self%append_operation(row%operation, value, operand_type(), column)
         end if
         do i = 2, merge(n, 1, row%operation /= op_smooth_step)
-            call self%make(row%operation, value, arguments(i), column)
+            call self%append_operation(row%operation, value, arguments(i), column)
         end do
     end subroutine parse_function
 
@@ -474,8 +475,8 @@ contains
         end if
     end function numbers_of_arguments
 
-    !> A power; a constant exponent needs no logarithm of the base, and a square becomes a product.
-    subroutine make_power(self, base, exponent, column)
+    !> Append a power. A constant exponent requires no logarithm of the base, and a square becomes a product.
+    subroutine append_power(self, base, exponent, column)
         class(parser_type), intent(inout) :: self
         type(operand_type), intent(inout) :: base
         type(operand_type), intent(in) :: exponent
@@ -484,19 +485,19 @@ contains
 
         if (allocated(self%problem)) return
         if (base%node == 0 .or. exponent%node /= 0) then
-            call self%make(op_power, base, exponent, column)
+            call self%append_operation(op_power, base, exponent, column)
         else if (.not. abs(exponent%value) > 0.0_wp) then
             base = operand_type(value=1.0_wp)
         else if (.not. abs(exponent%value - 2.0_wp) > 0.0_wp) then
             copy = base
-            call self%make(op_multiply, base, copy, column)
+            call self%append_operation(op_multiply, base, copy, column)
         else if (abs(exponent%value - 1.0_wp) > 0.0_wp) then
-            call self%make(op_power_constant, base, exponent, column)
+            call self%append_operation(op_power_constant, base, exponent, column)
         end if
-    end subroutine make_power
+    end subroutine append_power
 
-    !> smooth_step(x), or smooth_step(x, from, to), which rises while x varies from one to the other.
-    subroutine make_smooth_step(self, n, arguments, column, value)
+    !> Append smooth_step(x), or smooth_step(x, from, to), which rises from 0 to 1 as x varies from `from` to `to`.
+    subroutine append_smooth_step(self, n, arguments, column, value)
         class(parser_type), intent(inout) :: self
         integer, intent(in) :: n
         type(operand_type), intent(inout) :: arguments(:)
@@ -505,20 +506,20 @@ contains
 
         value = arguments(1)
         if (n == 3) then
-            call self%make(op_subtract, value, arguments(2), column)
-            call self%make(op_subtract, arguments(3), arguments(2), column)
-            call self%make(op_divide, value, arguments(3), column)
+            call self%append_operation(op_subtract, value, arguments(2), column)
+            call self%append_operation(op_subtract, arguments(3), arguments(2), column)
+            call self%append_operation(op_divide, value, arguments(3), column)
         end if
-        call self%make(op_smooth_step, value, operand_type(), column)
-    end subroutine make_smooth_step
+        call self%append_operation(op_smooth_step, value, operand_type(), column)
+    end subroutine append_smooth_step
 
-    !> left = operation(left, right).
-    subroutine make(self, operation, left, right, column)
+    !> Append left := operation(left, right).
+    subroutine append_operation(self, operation, left, right, column)
         class(parser_type), intent(inout) :: self
         integer, intent(in) :: operation
         type(operand_type), intent(inout) :: left
         type(operand_type), intent(in) :: right
-        !> Place of the operation.
+        !> Position of the operation in the text.
         integer, intent(in) :: column
 
         if (allocated(self%problem)) return
@@ -528,5 +529,5 @@ contains
         else if (left%node == 0 .and. .not. ieee_is_finite(left%value)) then
             call self%fail(column, 'the constants here do not yield a finite number')
         end if
-    end subroutine make
+    end subroutine append_operation
 end module tandem_mechanism_expression_parser

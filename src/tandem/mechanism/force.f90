@@ -2,9 +2,9 @@
 !> Forces along coordinates: spring-dampers between two points, forces along the coordinate of a joint, and bushings along six
 !> coordinates.
 !>
-!> A spring between two points has the tension f = k (l - l0) + c ld + u(t) + g(t, l, ld), positive if it pulls its ends together:
-!> the generalised force -f l_q. Along the coordinate x of a joint the force is f = -k (x - x0) - c xd + u(t) + g(t, x, xd),
-!> positive if it accelerates the coordinate: the generalised force f x_q, whose power is f xd.
+!> A spring between two points has the tension f = k (l - l0) + c ld + u(t) + g(t, l, ld), positive if it pulls its ends together;
+!> its generalised force is -f l_q. A force along the coordinate x of a joint is f = -k (x - x0) - c xd + u(t) + g(t, x, xd),
+!> positive if it accelerates the coordinate; its generalised force is f x_q and its power f xd.
 module tandem_mechanism_force
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, measure
@@ -18,38 +18,41 @@ module tandem_mechanism_force
     private
 
     public :: spring_type, add_springs, differentiate_springs, spring_energy
-    public :: torsion_type, add_torsions, add_press_directions, differentiate_torsions, torsion_energy
+    public :: torsion_type, add_torsions, add_friction_directions, differentiate_torsions, torsion_energy
     public :: bushing_type, add_bushings, differentiate_bushings, bushing_energy
 
-    !> k (N/m), c (N s/m), the free length (m), and the indices of the function u and of the law g, 0 if none.
+    !> Spring-damper between two points: stiffness k (N/m), damping c (N s/m), free length l0 (m); indices of the function u(t) and
+    !> of the force law g, 0 if none.
     type :: spring_type
         type(point_vector_type) :: vector
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, length = 0.0_wp
         integer :: motion = 0, law = 0
     end type spring_type
 
-    !> Force along the coordinate of a joint: k (N m, N/m), c (N m s, N s/m), the angle (rad) or displacement (m) of zero torque or
-    !> force of k, and the indices of the function u and of the law g, 0 if none.
+    !> Force along the coordinate x of a joint: stiffness k (N m/rad, N/m), damping c (N m s/rad, N s/m), value x0 of x at which the
+    !> spring exerts no torque or force (rad, m); indices of the function u(t) and of the force law g, 0 if none.
     type :: torsion_type
         type(coordinate_type) :: coordinate
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
         integer :: motion = 0, law = 0
-        !> For friction on the reaction of the joint: its normal force. The law is then that for a normal force of 1 N.
+        !> For joint friction: the reaction whose magnitude is the normal force. The force law g then gives the friction for a
+        !> normal force of 1 N.
         type(normal_force_type) :: reaction
     end type torsion_type
 
-    !> Forces f = K x + C xd along the displacements and small angles between two frames, which coincide in the reference
+    !> A bushing: forces f = K x + C xd along the displacements and small angles x between two frames that coincide in the reference
     !> configuration: three displacements and three angles in space, two displacements and one angle in the plane.
     type :: bushing_type
         integer :: n = 0
         type(coordinate_type) :: coordinates(6)
-        !> N/m, N, N m/rad; N s/m, N s, N m s/rad.
+        !> K (N/m, N, N m/rad) and C (N s/m, N s, N m s/rad).
         real(wp) :: stiffness(6, 6) = 0.0_wp, damping(6, 6) = 0.0_wp
     end type bushing_type
 
 contains
 
-    !> force := force - f l_q for every spring. A spring of zero length has no direction: stat > 0.
+    !> force := force - f l_q for every spring. Sets stat > 0 if the length of a spring is zero, because the direction of its force
+    !> is then undefined.
     pure subroutine add_springs(springs, t, pose, f, laws, force, stat)
         type(spring_type), intent(in) :: springs(:)
         real(wp), intent(in) :: t
@@ -59,7 +62,7 @@ contains
         type(law_item_type), intent(in) :: laws(:)
         real(wp), intent(inout) :: force(:)
         integer, intent(inout) :: stat
-        real(wp) :: d(3), d1(3), u(3), g(0:2), length, rate, pull
+        real(wp) :: d(3), d1(3), u(3), g(0:2), length, rate, tension
         integer :: i
 
         do i = 1, size(springs)
@@ -73,13 +76,13 @@ contains
                 end if
                 u = d/length
                 rate = u(1)*d1(1) + u(2)*d1(2) + u(3)*d1(3)
-                pull = spring%stiffness*(length - spring%length) + spring%damping*rate
-                if (spring%motion > 0) pull = pull + f(0, spring%motion)
+                tension = spring%stiffness*(length - spring%length) + spring%damping*rate
+                if (spring%motion > 0) tension = tension + f(0, spring%motion)
                 if (spring%law > 0) then
                     call laws(spring%law)%law%evaluate(t, length, rate, g)
-                    pull = pull + g(0)
+                    tension = tension + g(0)
                 end if
-                u = pull*u
+                u = tension*u
                 call add_force(pose(spring%vector%first), spring%vector%s1, u, force)
                 u = -u
                 call add_force(pose(spring%vector%second), spring%vector%s2, u, force)
@@ -87,7 +90,7 @@ contains
         end do
     end subroutine add_springs
 
-    !> Add a force in world axes at a point of a body.
+    !> Add a force, given in the world frame, that acts at a body-fixed point s.
     pure subroutine add_force(pose, s, along, force)
         type(pose_type), intent(in) :: pose
         real(wp), intent(in) :: s(3), along(3)
@@ -114,7 +117,7 @@ contains
         real(wp), intent(in), contiguous :: f(0:, :)
         type(law_item_type), intent(in) :: laws(:)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: d(3, 0:1), gradient(n_local, 0:1), second(n_local, n_local), length, rate, pull(0:2), g(0:2)
+        real(wp) :: d(3, 0:1), gradient(n_local, 0:1), second(n_local, n_local), length, rate, tension(0:2), g(0:2)
         integer :: i
 
         do i = 1, size(springs)
@@ -130,19 +133,19 @@ contains
                 gradient(:, 1) = (gradient(:, 1) - rate*gradient(:, 0))/length
                 call add_outer(-1.0_wp, gradient(:, 0), gradient(:, 0), second)
                 second = second/length
-                pull = [spring%stiffness*(length - spring%length) + spring%damping*rate, spring%stiffness, spring%damping]
-                if (spring%motion > 0) pull(0) = pull(0) + f(0, spring%motion)
+                tension = [spring%stiffness*(length - spring%length) + spring%damping*rate, spring%stiffness, spring%damping]
+                if (spring%motion > 0) tension(0) = tension(0) + f(0, spring%motion)
                 if (spring%law > 0) then
                     call laws(spring%law)%law%evaluate(t, length, rate, g)
-                    pull = pull + g
+                    tension = tension + g
                 end if
-                call put_force(need, columns(pose(spring%vector%first), pose(spring%vector%second)), gradient, second, pull, &
+                call put_force(need, columns(pose(spring%vector%first), pose(spring%vector%second)), gradient, second, tension, &
                     derivatives)
             end associate
         end do
     end subroutine differentiate_springs
 
-    !> k (l - l0)^2/2.
+    !> Energy k (l - l0)^2/2.
     pure real(wp) function spring_energy(spring, pose)
         type(spring_type), intent(in) :: spring
         type(pose_type), intent(in) :: pose(0:)
@@ -170,18 +173,18 @@ contains
                     call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
                     resistance = resistance - g(0)
                 end if
-                call take_off(torsion%coordinate, pose, resistance, gradient, force)
+                call subtract_force(torsion%coordinate, pose, resistance, gradient, force)
             end associate
         end do
     end subroutine add_torsions
 
-    !> Force of each friction on a reaction for a normal force of 1 N, one column each: g x_q.
-    pure subroutine add_press_directions(torsions, t, pose, laws, directions)
+    !> Generalised friction force of each joint with friction for a normal force of 1 N, g x_q, one column per joint.
+    pure subroutine add_friction_directions(torsions, t, pose, laws, directions)
         type(torsion_type), intent(inout) :: torsions(:)
         real(wp), intent(in) :: t
         type(pose_type), intent(in) :: pose(0:)
         type(law_item_type), intent(in) :: laws(:)
-        !> Zero on entry.
+        !> Must be zero on entry.
         real(wp), intent(inout) :: directions(:, :)
         real(wp) :: x(0:1), gradient(n_local), g(0:2)
         integer :: i, k
@@ -193,26 +196,26 @@ contains
             associate (torsion => torsions(i))
                 call find_slope(torsion%coordinate, pose, x, gradient)
                 call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
-                call take_off(torsion%coordinate, pose, -g(0), gradient, directions(:, k))
+                call subtract_force(torsion%coordinate, pose, -g(0), gradient, directions(:, k))
             end associate
         end do
-    end subroutine add_press_directions
+    end subroutine add_friction_directions
 
     !> force := force - f x_q.
-    pure subroutine take_off(coordinate, pose, f, gradient, force)
+    pure subroutine subtract_force(coordinate, pose, f, gradient, force)
         type(coordinate_type), intent(in) :: coordinate
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in) :: f, gradient(n_local)
         real(wp), intent(inout) :: force(:)
 
-        call take_from(pose(coordinate%first), f, gradient(place_1 + 1:place_2), force)
-        call take_from(pose(coordinate%second), f, gradient(place_2 + 1:), force)
-    end subroutine take_off
+        call subtract_on_body(pose(coordinate%first), f, gradient(place_1 + 1:place_2), force)
+        call subtract_on_body(pose(coordinate%second), f, gradient(place_2 + 1:), force)
+    end subroutine subtract_force
 
-    !> The same for one of the bodies.
-    pure subroutine take_from(pose, f, gradient, force)
+    !> force := force - f x_q for the coordinates of one body.
+    pure subroutine subtract_on_body(pose, f, gradient, force)
         type(pose_type), intent(in) :: pose
-        !> With respect to the position of a body, then to its rotation.
+        !> Gradient x_q of one body: three entries for its position, then four for its rotation.
         real(wp), intent(in) :: f, gradient(7)
         real(wp), intent(inout) :: force(:)
         integer :: k
@@ -227,7 +230,7 @@ contains
         do k = 1, pose%n_turn
             force(pose%turn + k - 1) = force(pose%turn + k - 1) - f*gradient(3 + k)
         end do
-    end subroutine take_from
+    end subroutine subtract_on_body
 
     !> Add the requested gradient blocks of forces along joint coordinates.
     pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, lambda, derivatives)
@@ -259,7 +262,7 @@ contains
         end do
     end subroutine differentiate_torsions
 
-    !> k (x - x0)^2/2.
+    !> Energy k (x - x0)^2/2.
     pure subroutine torsion_energy(torsion, pose, energy)
         type(torsion_type), intent(inout) :: torsion
         type(pose_type), intent(in) :: pose(0:)
@@ -270,7 +273,7 @@ contains
         energy = torsion%stiffness*(x - torsion%angle)**2/2
     end subroutine torsion_energy
 
-    !> force := force - sum of f_i x_i,q for every bushing.
+    !> force := force - sum over i of f_i x_i,q for every bushing.
     pure subroutine add_bushings(bushings, pose, force)
         type(bushing_type), intent(inout) :: bushings(:)
         type(pose_type), intent(in) :: pose(0:)
@@ -285,7 +288,7 @@ contains
                 end do
                 do k = 1, n
                     f = dot_product(it%stiffness(k, :n), x(0, :n)) + dot_product(it%damping(k, :n), x(1, :n))
-                    call take_off(it%coordinates(k), pose, f, gradient(:, 0, k), force)
+                    call subtract_force(it%coordinates(k), pose, f, gradient(:, 0, k), force)
                 end do
             end associate
         end do
@@ -325,7 +328,7 @@ contains
         end do
     end subroutine differentiate_bushings
 
-    !> x' K x/2.
+    !> Energy x'K x/2.
     pure subroutine bushing_energy(bushing, pose, energy)
         type(bushing_type), intent(inout) :: bushing
         type(pose_type), intent(in) :: pose(0:)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Functions of time: imposed motions, lengths, forces. Each provides its value and its first two derivatives, so that rows that
-!> depend on time have an exact gamma; and the times of its kinks, at which steps end.
+!> Functions of time: imposed motions, lengths, forces. Each returns its value and two derivatives, so that gamma is exact for rows
+!> that depend on time. Each also lists its kinks; steps end at these times.
 module tandem_mechanism_function
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -13,16 +13,17 @@ module tandem_mechanism_function
     public :: function_type, constant_type, polynomial_type, sine_type, ramp
     public :: expression_function_type, expression_function, table_function_type, table_function
 
-    !> A function of time; extend this type for others.
+    !> A function of time. Extend this type to define other functions.
     type, abstract :: function_type
     contains
         procedure(evaluate_interface), deferred :: evaluate
-        !> For functions with kinks only: the kinks, the current smooth piece, and a check for values that steps may miss.
+        !> Override for functions with kinks only: find the kinks; select the smooth piece around a time; detect variation that a
+        !> step misses between the times at which it evaluates.
         procedure :: find_kinks => find_no_kinks, hold => hold_nothing, hides => hides_nothing
     end type function_type
 
     abstract interface
-        !> Evaluate value, first and second derivative.
+        !> Return the value and the first and second derivative.
         pure subroutine evaluate_interface(self, t, f)
             import :: function_type, wp
             implicit none (type, external)
@@ -63,10 +64,10 @@ module tandem_mechanism_function
             hides => expression_hides
     end type expression_function_type
 
-    !> A table with respect to time.
+    !> A table of values at given times.
     type, extends(function_type) :: table_function_type
         type(table_type) :: table
-        !> True if a piece is selected; the piece.
+        !> True if `piece` is selected, which is then evaluated beyond its ends too.
         logical :: holds = .false.
         integer :: piece = 0
     contains
@@ -75,10 +76,10 @@ module tandem_mechanism_function
 
 contains
 
-    !> None.
+    !> List the kinks within an interval of time; none by default.
     subroutine find_no_kinks(self, from, to, places, orders, error)
         class(function_type), intent(in) :: self
-        !> Interval of time without its start (s). If the search ends early, the end is lowered, and the kinks are those up to it.
+        !> Interval (s), excluding its start. If the search ends early, `to` is lowered to the end of the searched interval.
         real(wp), intent(in) :: from
         real(wp), intent(inout) :: to
         !> Times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
@@ -89,19 +90,20 @@ contains
         allocate (places(0), orders(0))
     end subroutine find_no_kinks
 
-    !> A function without kinks is one piece.
+    !> Select the smooth piece around a time; a function without kinks has only one.
     pure subroutine hold_nothing(self, t)
         class(function_type), intent(inout) :: self
         !> A time inside the piece, not at a kink (s).
         real(wp), intent(in) :: t
     end subroutine hold_nothing
 
-    !> True if the function takes values between two times that a step does not sample; false for a function without kinks.
+    !> True if the function varies between two times in a way that a step of this length would miss; false for a function without
+    !> kinks.
     logical function hides_nothing(self, from, to, between, rates) result(hides)
         class(function_type), intent(inout) :: self
         !> Two times within the current piece (s).
         real(wp), intent(in) :: from, to
-        !> True if the step evaluates at times between its ends; true if the rate matters too.
+        !> True if the step also evaluates between its ends; true if the derivative is to be checked too.
         logical, intent(in) :: between, rates
 
         hides = .false.
@@ -149,7 +151,7 @@ contains
         class(expression_function_type), intent(inout) :: self
         real(wp), intent(in) :: t
 
-        call self%pieces%hold(t)
+        call self%pieces%select_piece(t)
     end subroutine hold_expression
 
     logical function expression_hides(self, from, to, between, rates) result(hides)
@@ -180,8 +182,8 @@ contains
         integer, allocatable, intent(out) :: orders(:)
         type(error_type), allocatable, intent(out) :: error
 
-        ! Search some periods of a repeated table at a time, including the last of its times.
-        to = min(to, from + self%table%length_of_many())
+        ! For a repeated table, search a limited number of periods. Include a kink at the end of the interval.
+        to = min(to, from + self%table%search_length())
         call self%table%find_kinks(from, nearest(to, 1.0_wp), places, orders, error)
     end subroutine find_table_kinks
 
@@ -206,11 +208,11 @@ contains
         real(wp), intent(in) :: t
         real(wp), intent(out) :: f(0:2)
 
-        ! The terms 0 t only make use of the argument.
+        ! The products with t avoid a warning about an unused argument.
         f = [self%value, 0.0_wp*t, 0.0_wp*t]
     end subroutine evaluate_constant
 
-    !> Horner's scheme, also for the derivatives.
+    !> Value and derivatives by Horner's scheme.
     pure subroutine evaluate_polynomial(self, t, f)
         class(polynomial_type), intent(in) :: self
         real(wp), intent(in) :: t

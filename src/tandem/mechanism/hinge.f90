@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Hinges in space, the most frequent joint of large mechanisms: two coincident points and a direction of the second body that is
-!> perpendicular to two directions of the first,
+!> Hinges in space, the most frequent joint of large mechanisms: two coincident points, and a direction z of the second body that is
+!> perpendicular to two directions x, y of the first,
 !>     Phi = [r2 + A2 s2' - r1 - A1 s1'; (A1 x').(A2 z'); (A1 y').(A2 z')].
-!> These five rows are also in the lists of coincident points and of perpendicularity rows, which differentiate them. Here they are
-!> evaluated together: common terms once, and no term that a hinge lacks.
+!> The lists of coincident points and of perpendicularity rows also contain these five rows, for the gradient blocks. Evaluating the
+!> five rows together shares common terms and skips those that a hinge lacks.
 module tandem_mechanism_hinge
     use tandem_kinds, only: wp
     use tandem_mechanism_perpendicular, only: perpendicular_type
@@ -17,24 +17,25 @@ module tandem_mechanism_hinge
     public :: hinge_type, gather_hinges, evaluate_hinges
 
     type :: hinge_type
-        !> Bodies, 0 for the ground, and first row.
+        !> Bodies, 0 for the ground; first row of C.
         integer :: first = 0, second = 0, row = 0
-        !> Points and directions, each in the frame of its body.
+        !> Points and directions, each in the frame of its own body.
         real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, x(3) = 0.0_wp, y(3) = 0.0_wp, z(3) = 0.0_wp
     end type hinge_type
 
 contains
 
-    !> Collect coincident points followed by two perpendicularity rows as hinges, and the indices of the remaining ones.
-    pure subroutine gather_hinges(coincidences, perpendiculars, pose, n_rows, hinges, loose_coincidences, loose_perpendiculars)
+    !> Collect the hinges: two coincident points followed by two perpendicularity rows. Also return the indices of all other
+    !> coincident points and perpendicularity rows.
+    pure subroutine gather_hinges(coincidences, perpendiculars, pose, n_rows, hinges, single_coincidences, single_perpendiculars)
         type(point_vector_type), intent(in) :: coincidences(:)
         type(perpendicular_type), intent(in) :: perpendiculars(:)
-        !> Poses of the bodies, whose coordinates are numbered; 0 is the ground.
+        !> Poses of the bodies, with column numbers; index 0 is the ground.
         type(pose_type), intent(in) :: pose(0:)
         !> Number of rows.
         integer, intent(in) :: n_rows
         type(hinge_type), allocatable, intent(out) :: hinges(:)
-        integer, allocatable, intent(out) :: loose_coincidences(:), loose_perpendiculars(:)
+        integer, allocatable, intent(out) :: single_coincidences(:), single_perpendiculars(:)
         integer :: dot_of_row(n_rows + 2), i, n
         logical :: is_hinge(size(coincidences)), is_taken(size(perpendiculars))
 
@@ -45,7 +46,7 @@ contains
         is_taken = .false.
         do i = 1, size(coincidences)
             associate (vector => coincidences(i))
-                is_hinge(i) = is_solid(vector%first) .and. is_solid(vector%second) .and. vector%row + 4 <= n_rows
+                is_hinge(i) = can_rotate(vector%first) .and. can_rotate(vector%second) .and. vector%row + 4 <= n_rows
                 if (.not. is_hinge(i)) cycle
                 associate (x => dot_of_row(vector%row + 3), y => dot_of_row(vector%row + 4))
                     is_hinge(i) = x > 0 .and. y > 0
@@ -56,8 +57,8 @@ contains
                 end associate
             end associate
         end do
-        loose_coincidences = pack([(i, i=1, size(coincidences))], .not. is_hinge)
-        loose_perpendiculars = pack([(i, i=1, size(perpendiculars))], .not. is_taken)
+        single_coincidences = pack([(i, i=1, size(coincidences))], .not. is_hinge)
+        single_perpendiculars = pack([(i, i=1, size(perpendiculars))], .not. is_taken)
         allocate (hinges(count(is_hinge)))
         n = 0
         do i = 1, size(coincidences)
@@ -71,14 +72,15 @@ contains
 
     contains
 
-        !> True if a side is the ground or a body with a rotation in space.
-        pure logical function is_solid(body)
+        !> True for the ground and for bodies that have a rotation in space.
+        pure logical function can_rotate(body)
             integer, intent(in) :: body
 
-            is_solid = body == 0 .or. pose(body)%n_turn == 4
-        end function is_solid
+            can_rotate = body == 0 .or. pose(body)%n_turn == 4
+        end function can_rotate
 
-        !> True if a perpendicularity row is that of two directions of the same two bodies, without a function of time.
+        !> True if a perpendicularity row is that of two directions, on the same two bodies as a pair of coincident points, without
+        !> a function of time.
         pure logical function fits(vector, perpendicular)
             type(point_vector_type), intent(in) :: vector
             type(perpendicular_type), intent(in) :: perpendicular
@@ -88,7 +90,7 @@ contains
         end function fits
     end subroutine gather_hinges
 
-    !> Add the terms of every hinge. Entries of C that are not set here stay zero, as allocated.
+    !> Add the terms of every hinge. Other entries of C remain zero, as allocated.
     pure subroutine evaluate_hinges(hinges, need, pose, terms)
         type(hinge_type), intent(in) :: hinges(:)
         integer, intent(in) :: need
@@ -120,6 +122,7 @@ contains
         end if
     end subroutine evaluate_hinges
 
+    !> Set the residuals of the five rows.
     pure subroutine set_phi(hinge, one, two, phi)
         type(hinge_type), intent(in) :: hinge
         type(pose_type), intent(in) :: one, two
@@ -143,7 +146,7 @@ contains
     pure subroutine put_rows(hinge, one, two, m, width, jacobian)
         type(hinge_type), intent(in) :: hinge
         type(pose_type), intent(in) :: one, two
-        !> Shape of the stored C, which may be compressed.
+        !> Shape of the stored matrix C, which may be compressed.
         integer, intent(in) :: m, width
         real(wp), intent(inout) :: jacobian(m, width)
         real(wp) :: b(3, 4), of_x(4), of_y(4), x(3), y(3), z(3)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Hinges in space (`tandem_mechanism_hinge`) for large mechanisms: `lane` hinges are evaluated at a time, directly from q and qd.
-!> Every array has one entry per hinge of a group, so that loops fill vector registers.
+!> Hinges in space (`tandem_mechanism_hinge`) in large mechanisms: evaluates `lane` hinges at a time, directly from q and qd. Each
+!> array has one entry per hinge of a group, so that loops fill vector registers.
 module tandem_mechanism_hinge_group
     use tandem_kinds, only: lane, wp
     use tandem_mechanism_hinge, only: hinge_type
@@ -17,17 +17,17 @@ module tandem_mechanism_hinge_group
     !> A group of n hinges. The last one is repeated to fill the group; results of the copies are discarded.
     type :: hinge_group_type
         integer :: n = 0
-        !> First and second bodies, 0 for the ground; true if a body of the side is the ground; offset of the coordinates of each
-        !> body, and offset of its columns in the stored C.
+        !> For the first and the second body of each hinge: index of the body, 0 for the ground; true for a side with any ground;
+        !> offset of the body's coordinates in q; offset of its columns in the stored C.
         integer :: body(lane, 2) = 0
         logical :: has_ground(2) = .false.
         integer :: before(lane, 2) = 0, column(lane, 2) = 0
-        !> True if a chart uses the rows as blocks; offset of the block of each body.
+        !> True if the chart stores the rows in blocks; offset of the block of each body.
         logical :: has_blocks = .false.
         integer :: block(lane, 2) = -1
-        !> First rows.
+        !> First row of each hinge.
         integer :: row(lane) = 0
-        !> -s1' and s2', and the directions, each in the frame of its body.
+        !> Points -s1' and s2', and the three directions, each in the frame of its own body.
         real(wp) :: s(lane, 3, 2) = 0.0_wp, x(lane, 3) = 0.0_wp, y(lane, 3) = 0.0_wp, z(lane, 3) = 0.0_wp
     end type hinge_group_type
 
@@ -36,7 +36,7 @@ contains
     !> Form groups of hinges.
     pure subroutine gather_hinge_groups(hinges, pose, groups)
         type(hinge_type), intent(in) :: hinges(:)
-        !> Poses of the bodies, whose coordinates are numbered; 0 is the ground.
+        !> Poses of the bodies, with column numbers; index 0 is the ground.
         type(pose_type), intent(in) :: pose(0:)
         type(hinge_group_type), allocatable, intent(out) :: groups(:)
         integer :: i, l
@@ -75,7 +75,8 @@ contains
         end do
     end subroutine place_hinge_groups
 
-    !> Store the offsets of the blocks that a chart uses, and mark the rows that are set there: only groups as a whole.
+    !> Store the offsets of the chart's blocks and mark the rows that are set in blocks. All rows of a group are set in the same
+    !> way.
     pure subroutine find_hinge_blocks(pattern, groups)
         type(pattern_type), intent(inout) :: pattern
         type(hinge_group_type), intent(inout) :: groups(:)
@@ -94,11 +95,11 @@ contains
         end do
     end subroutine find_hinge_blocks
 
-    !> Add the terms of every hinge. Entries of C that are not set here stay zero, as allocated.
+    !> Add the terms of every hinge. Other entries of C remain zero, as allocated.
     pure subroutine evaluate_hinge_groups(groups, need, n, q, qd, terms)
         type(hinge_group_type), intent(in) :: groups(:)
         integer, intent(in) :: need, n
-        !> (n) each; qd is not used unless gamma is needed.
+        !> Coordinates and velocities (n). Velocities are used only if gamma is requested.
         real(wp), intent(in) :: q(n), qd(n)
         type(terms_type), intent(inout) :: terms
         integer :: i
@@ -120,6 +121,7 @@ contains
         end if
     end subroutine evaluate_hinge_groups
 
+    !> Set the residuals of the rows.
     pure subroutine set_phi(group, n, q, m, phi)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: n, m
@@ -128,14 +130,14 @@ contains
         real(wp) :: a(lane, 3, 3), p(lane, 4), r(lane, 4, 2), v(lane, 3, 2), x(lane, 3), y(lane, 3), z(lane, 3), w(lane, 5)
         integer :: k, l
 
-        call take_place(group, 1, n, q, r(:, :, 1))
-        call take_place(group, 2, n, q, r(:, :, 2))
-        call take_turn(group, 1, 1.0_wp, n, q, p)
+        call load_positions(group, 1, n, q, r(:, :, 1))
+        call load_positions(group, 2, n, q, r(:, :, 2))
+        call load_rotations(group, 1, 1.0_wp, n, q, p)
         call set_rotations(p, a)
         call turn_each(a, group%s(:, :, 1), v(:, :, 1))
         call turn_each(a, group%x, x)
         call turn_each(a, group%y, y)
-        call take_turn(group, 2, 1.0_wp, n, q, p)
+        call load_rotations(group, 2, 1.0_wp, n, q, p)
         call set_rotations(p, a)
         call turn_each(a, group%s(:, :, 2), v(:, :, 2))
         call turn_each(a, group%z, z)
@@ -159,8 +161,8 @@ contains
         real(wp) :: a(lane, 3, 3), b(lane, 3, 4), of_x(lane, 4), of_y(lane, 4), p1(lane, 4), p2(lane, 4)
         real(wp), dimension(lane, 3) :: x, y, z
 
-        call take_turn(group, 1, 1.0_wp, n, q, p1)
-        call take_turn(group, 2, 1.0_wp, n, q, p2)
+        call load_rotations(group, 1, 1.0_wp, n, q, p1)
+        call load_rotations(group, 2, 1.0_wp, n, q, p2)
         call set_rotations(p1, a)
         call turn_each(a, group%x, x)
         call turn_each(a, group%y, y)
@@ -176,7 +178,7 @@ contains
         call put_side(group, 2, 1.0_wp, b, of_x, of_y, terms)
     end subroutine set_rows
 
-    !> Set the columns of one of the bodies: its position by a sign, its Euler parameters by b and two rows.
+    !> Set the columns of one body: for the position `sign` times the unit matrix, for the Euler parameters b and two rows.
     pure subroutine put_side(group, side, sign, b, of_x, of_y, terms)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side
@@ -190,7 +192,7 @@ contains
         end if
     end subroutine put_side
 
-    !> Set the blocks of a chart after the columns of the position, which are constant.
+    !> Set the columns of the rotation in the blocks of a chart. The columns of the position are constant and set before.
     pure subroutine put_blocks(group, side, b, of_x, of_y, n_entries, blocks)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side, n_entries
@@ -212,7 +214,7 @@ contains
         end do
     end subroutine put_blocks
 
-    !> Set entries of C, which may be compressed.
+    !> Set the columns of one body in the stored C, which may be compressed.
     pure subroutine put_columns(group, side, sign, b, of_x, of_y, m, width, jacobian)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side, m, width
@@ -237,7 +239,7 @@ contains
         end do
     end subroutine put_columns
 
-    !> Second derivatives of Phi along the motion for qdd = 0: that of A is M(pd, pd) = 2 A(pd).
+    !> Second derivatives of Phi along the motion for qdd = 0; for the matrix A this is M(pd, pd) = 2 A(pd).
     pure subroutine set_gamma(group, n, q, qd, m, gamma)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: n, m
@@ -247,8 +249,8 @@ contains
         real(wp), dimension(lane, 3, 0:2) :: x, y, z
         integer :: k, l
 
-        call take_turn(group, 1, 1.0_wp, n, q, p)
-        call take_turn(group, 1, 0.0_wp, n, qd, pd)
+        call load_rotations(group, 1, 1.0_wp, n, q, p)
+        call load_rotations(group, 1, 0.0_wp, n, qd, pd)
         call set_rotations(p, a)
         call turn_each(a, group%x, x(:, :, 0))
         call turn_each(a, group%y, y(:, :, 0))
@@ -259,8 +261,8 @@ contains
         call turn_each(a, group%s(:, :, 1), v1)
         call turn_each(a, group%x, x(:, :, 2))
         call turn_each(a, group%y, y(:, :, 2))
-        call take_turn(group, 2, 1.0_wp, n, q, p)
-        call take_turn(group, 2, 0.0_wp, n, qd, pd)
+        call load_rotations(group, 2, 1.0_wp, n, q, p)
+        call load_rotations(group, 2, 0.0_wp, n, qd, pd)
         call set_rotations(p, a)
         call turn_each(a, group%z, z(:, :, 0))
         call set_rotation_rates(p, pd, a)
@@ -290,8 +292,8 @@ contains
         call put_each(group, w, m, gamma)
     end subroutine set_gamma
 
-    !> Euler parameters of the bodies of a side, or their rates; those of the ground are (real part, 0, 0, 0).
-    pure subroutine take_turn(group, side, real_part, n, q, p)
+    !> Euler parameters of the bodies of a side, or their rates. The ground has the values (real_part, 0, 0, 0).
+    pure subroutine load_rotations(group, side, real_part, n, q, p)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side, n
         real(wp), intent(in) :: real_part, q(n)
@@ -305,10 +307,10 @@ contains
             p(l, 1) = real_part
             p(l, 2:4) = 0.0_wp
         end do
-    end subroutine take_turn
+    end subroutine load_rotations
 
     !> Positions of the bodies of a side, padded to four entries.
-    pure subroutine take_place(group, side, n, q, r)
+    pure subroutine load_positions(group, side, n, q, r)
         type(hinge_group_type), intent(in) :: group
         integer, intent(in) :: side, n
         real(wp), intent(in) :: q(n)
@@ -320,9 +322,9 @@ contains
         do l = 1, lane
             if (group%body(l, side) == 0) r(l, :) = 0.0_wp
         end do
-    end subroutine take_place
+    end subroutine load_positions
 
-    !> Store five entries of each hinge in its rows.
+    !> Store the five entries of each hinge in its rows.
     pure subroutine put_each(group, w, m, x)
         type(hinge_group_type), intent(in) :: group
         real(wp), intent(in) :: w(lane, 5)

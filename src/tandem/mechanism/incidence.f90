@@ -62,7 +62,7 @@ contains
             end do
             do i = 1, size(drawing%rate_rows)
                 do k = 1, size(drawing%rate_rows(i)%velocities)
-                    call add(drawing%rate_rows(i)%row, drawing%rate_rows(i)%velocities(k)%of, 0)
+                    call add(drawing%rate_rows(i)%row, drawing%rate_rows(i)%velocities(k)%owner, 0)
                 end do
             end do
             if (pass == 1) allocate (rows(n + n_more), bodies(n + n_more))

@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Interval arithmetic for the operations of expressions: bounds of values and of first and second partial derivatives for operands
-!> within bounds. Results are widened by more than their rounding errors, so that the bounds hold for exact arithmetic and for
-!> computed values. An empty interval, whose bounds are not numbers, represents a result that does not exist.
+!> Interval arithmetic for expressions: bounds of values and of first and second partial derivatives for operands within bounds.
+!> Bounds are widened by more than their rounding errors, so that they hold both for exact arithmetic and for computed values. The
+!> bounds of an empty interval are NaN; it represents a result that does not exist.
 module tandem_mechanism_interval
     use tandem_kinds, only: long, wp
     use tandem_mechanism_operations, only: branch_of, op_abs, op_acos, op_add, op_asin, op_atan, op_atan2, op_cos, op_cosh, &
@@ -10,16 +10,16 @@ module tandem_mechanism_interval
     implicit none (type, external)
     private
 
-    public :: interval_type, nothing, exact, add, subtract, multiply, common_part, enclose_value, enclose_slopes, &
+    public :: interval_type, nothing, exact, add, subtract, multiply, intersection, enclose_value, enclose_slopes, &
         enclose_curvatures, branches_between
 
-    !> All numbers between two bounds.
+    !> The numbers between two bounds, inclusive.
     type :: interval_type
         real(wp) :: low, high
     end type interval_type
 
-    !> A quiet NaN from its bits, because a procedure that takes one from `ieee_arithmetic` saves and restores the state of the
-    !> processor; the empty interval, with two of them as bounds.
+    !> A quiet NaN, and the empty interval, whose bounds are NaN. The NaN is given by its bits, because procedures that call
+    !> `ieee_value` save and restore the floating-point state of the processor.
     real(wp), parameter :: not_a_number = transfer(int(z'7FF8000000000000', long), 1.0_wp)
     type(interval_type), parameter :: nothing = interval_type(not_a_number, not_a_number)
     !> The unbounded interval.
@@ -28,12 +28,12 @@ module tandem_mechanism_interval
 
 contains
 
-    !> Two bounds, widened by the rounding error of their computation.
+    !> Interval with the given bounds, widened by the rounding error of their computation.
     elemental type(interval_type) function widened(low, high) result(f)
         real(wp), intent(in) :: low, high
 
         f = interval_type(low - rounding*abs(low), high + rounding*abs(high))
-        ! Overflow becomes a bound beyond the largest number; a NaN remains one.
+        ! After overflow, use the largest number as the bound. NaN is unchanged.
         if (low > huge(low)) f%low = huge(low)
         if (high < -huge(high)) f%high = -huge(high)
         if (f%low < -huge(low)) f%low = -huge(low)
@@ -72,7 +72,7 @@ contains
         f = widened(min(p(1), p(2), p(3), p(4)), max(p(1), p(2), p(3), p(4)))
     end function multiply
 
-    !> A product in which zero times an unbounded number is zero.
+    !> Product in which zero times an infinite bound is zero.
     elemental real(wp) function product_of(x, y)
         real(wp), intent(in) :: x, y
 
@@ -80,20 +80,20 @@ contains
         if (abs(x) > 0.0_wp .and. abs(y) > 0.0_wp) product_of = x*y
     end function product_of
 
-    !> a a, which is not negative.
+    !> a a; not negative.
     elemental type(interval_type) function square(a) result(f)
         type(interval_type), intent(in) :: a
 
-        f = widened(smallest_size(a)**2, max(abs(a%low), abs(a%high))**2)
+        f = widened(mignitude(a)**2, max(abs(a%low), abs(a%high))**2)
     end function square
 
-    !> Distance of an interval from zero.
-    elemental real(wp) function smallest_size(a)
+    !> Smallest absolute value in an interval.
+    elemental real(wp) function mignitude(a)
         type(interval_type), intent(in) :: a
 
-        smallest_size = 0.0_wp
-        if (a%low > 0.0_wp .or. a%high < 0.0_wp) smallest_size = min(abs(a%low), abs(a%high))
-    end function smallest_size
+        mignitude = 0.0_wp
+        if (a%low > 0.0_wp .or. a%high < 0.0_wp) mignitude = min(abs(a%low), abs(a%high))
+    end function mignitude
 
     !> 1/a.
     elemental type(interval_type) function inverse(a) result(f)
@@ -109,21 +109,22 @@ contains
         end if
     end function inverse
 
-    !> A number as an interval.
+    !> Interval that contains one number.
     elemental type(interval_type) function exact(x) result(f)
         real(wp), intent(in) :: x
 
         f = interval_type(x, x)
     end function exact
 
-    !> Intersection of two intervals, one of which may be wider by rounding; the first one if they are disjoint.
-    elemental type(interval_type) function common_part(a, b) result(f)
+    !> Intersection of two enclosures of the same value. Disjoint bounds can only be due to rounding; the first enclosure is then
+    !> returned.
+    elemental type(interval_type) function intersection(a, b) result(f)
         type(interval_type), intent(in) :: a, b
 
         f = a
         if (is_empty(a) .or. .not. max(a%low, b%low) <= min(a%high, b%high)) return
         f = interval_type(max(a%low, b%low), min(a%high, b%high))
-    end function common_part
+    end function intersection
 
     !> sin a.
     elemental type(interval_type) function sine(a) result(f)
@@ -144,7 +145,7 @@ contains
 
     contains
 
-        !> True if an angle, up to full turns, lies within a.
+        !> True if the interval contains an angle or the angle plus a multiple of 2 pi.
         pure logical function passes(angle)
             real(wp), intent(in) :: angle
 
@@ -159,7 +160,7 @@ contains
         f = sine(add(a, exact(half_pi)))
     end function cosine
 
-    !> a to a constant power.
+    !> a to a constant power b.
     elemental type(interval_type) function power(a, b) result(f)
         type(interval_type), intent(in) :: a
         real(wp), intent(in) :: b
@@ -172,7 +173,7 @@ contains
             n = nint(b)
             if (n < 0) base = inverse(a)
             n = abs(n)
-            if (modulo(n, 2) == 0) base = interval_type(smallest_size(base), max(abs(base%low), abs(base%high)))
+            if (modulo(n, 2) == 0) base = interval_type(mignitude(base), max(abs(base%low), abs(base%high)))
             f = widened(base%low**n, base%high**n)
         else
             base%low = max(base%low, 0.0_wp)
@@ -180,7 +181,7 @@ contains
             base%low = max(base%low, 0.0_wp)
             f = widened(base%low**abs(b), base%high**abs(b))
         end if
-        ! Powers are computed with more than one rounding.
+        ! Powers are computed with more than one rounding; widen again.
         f = widened(f%low, f%high)
     end function power
 
@@ -201,7 +202,7 @@ contains
         f = widened(f%low, f%high)
     end function exponential
 
-    !> Lowest and highest branch of an operation with a kink for given operands.
+    !> Lowest and highest branch that an operation with a kink can take for operands within bounds.
     pure function branches_between(operation, a, b) result(branches)
         integer, intent(in) :: operation
         !> The operands.
@@ -252,7 +253,7 @@ contains
             f = cosine(a)
         case (op_tan)
             f = whole
-            if (smallest_size(cosine(a)) > 0.0_wp .and. a%high - a%low < 2*half_pi) f = widened(tan(a%low), tan(a%high))
+            if (mignitude(cosine(a)) > 0.0_wp .and. a%high - a%low < 2*half_pi) f = widened(tan(a%low), tan(a%high))
         case (op_asin, op_acos)
             if (a%high < -1.0_wp .or. a%low > 1.0_wp) return
             low = max(a%low, -1.0_wp)
@@ -263,8 +264,8 @@ contains
             f = widened(atan(a%low), atan(a%high))
         case (op_atan2)
             f = interval_type(-2*half_pi, 2*half_pi)
-            ! Monotonic in each operand, unless the operands include the origin or the jump behind it.
-            if (b%low > 0.0_wp .or. smallest_size(a) > 0.0_wp) then
+            ! Monotonic in each operand, unless the intervals of the operands contain the origin or the branch cut.
+            if (b%low > 0.0_wp .or. mignitude(a) > 0.0_wp) then
                 associate (corners => [atan2(a%low, b%low), atan2(a%low, b%high), atan2(a%high, b%low), atan2(a%high, b%high)])
                     f = widened(minval(corners), maxval(corners))
                 end associate
@@ -272,7 +273,7 @@ contains
         case (op_sinh)
             f = widened(sinh(a%low), sinh(a%high))
         case (op_cosh)
-            f = widened(cosh(smallest_size(a)), cosh(max(abs(a%low), abs(a%high))))
+            f = widened(cosh(mignitude(a)), cosh(max(abs(a%low), abs(a%high))))
         case (op_tanh)
             f = widened(tanh(a%low), tanh(a%high))
         case (op_exp)
@@ -317,7 +318,7 @@ contains
             end if
         end do
         if (branches(1) == branches(2)) return
-        ! Pieces are restricted to their side of the kink.
+        ! Restrict each piece to its side of the kink.
         select case (operation)
         case (op_abs, op_ramp)
             f%low = max(f%low, 0.0_wp)
@@ -329,7 +330,7 @@ contains
             f = interval_type(value_of(operation, a%low, 0.0_wp, branch_of(operation, a%low, 0.0_wp)), &
                 value_of(operation, a%high, 0.0_wp, branch_of(operation, a%high, 0.0_wp)))
             f = widened(f%low, f%high)
-        case default ! The values of op_sign and op_step are known.
+        case default ! The values of op_sign and op_step are constant.
             continue
         end select
     end subroutine enclose_kinked
@@ -392,13 +393,13 @@ contains
         case (op_atan2)
             by_a = whole
             by_b = whole
-            if (b%low > 0.0_wp .or. smallest_size(a) > 0.0_wp) then
+            if (b%low > 0.0_wp .or. mignitude(a) > 0.0_wp) then
                 s = inverse(add(square(a), square(b)))
                 by_a = multiply(b, s)
                 by_b = multiply(negative(a), s)
             end if
         case (op_sinh)
-            by_a = widened(cosh(smallest_size(a)), cosh(max(abs(a%low), abs(a%high))))
+            by_a = widened(cosh(mignitude(a)), cosh(max(abs(a%low), abs(a%high))))
         case (op_cosh)
             by_a = widened(sinh(a%low), sinh(a%high))
         case (op_tanh)
@@ -423,7 +424,7 @@ contains
             by_a = exact(0.0_wp)
             if (.not. is_sure) by_a = whole
         case default
-            ! 30 (a (1 - a))^2, at most 15/8 between its kinks.
+            ! 30 (a (1 - a))^2: at most 15/8 between the kinks.
             by_a = exact(0.0_wp)
             if (is_sure .and. branches(1) == 1) then
                 by_a = multiply(exact(30.0_wp), square(multiply(a, subtract(exact(1.0_wp), a))))
@@ -487,7 +488,7 @@ contains
             ! 60 a (1 - a) (1 - 2 a).
             if (is_inner) by_aa = multiply(multiply(multiply(exact(60.0_wp), a), subtract(exact(1.0_wp), a)), &
                 subtract(exact(1.0_wp), multiply(exact(2.0_wp), a)))
-        case default ! The others are linear on each branch.
+        case default ! Other operations are linear on each branch.
             continue
         end select
     end subroutine enclose_curvatures

@@ -1,11 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> The joint primitive: a frame on each body, which coincide in the reference configuration, and for each of its six freedoms (in
-!> the plane three) free or constrained. The table of this module lists the constrained freedoms of each kind of joint, and the
-!> freedom that a motion may drive.
+!> Joint types. A joint has a frame on each of two bodies; the frames coincide in the reference configuration. Each of the six
+!> freedoms between them (three in the plane) is free or constrained. A table lists the constrained freedoms of each type of joint,
+!> and the freedom that a motion may drive.
 !>
-!> In space the freedoms are the displacements along x1, y1, z1 and the rotations about x, y, z. Rotations are constrained by
-!> directions a1.b2 = 0: two constrained rotations leave the third axis common, one constrained rotation about z keeps x1 and y2
-!> perpendicular (a universal joint). In the plane they are the displacements along x1 and y1 and the angle.
+!> In space the freedoms are the displacements along x1, y1, z1 and the rotations about x, y, z, where the indices 1 and 2 denote
+!> the axes of the first and of the second frame. Rotations are constrained by perpendicular directions, a1.b2 = 0. Two constrained
+!> rotations keep the third axes parallel. One constrained rotation, about z, keeps x1 and y2 perpendicular (universal joint). In
+!> the plane the freedoms are the displacements along x1 and y1 and the angle.
 module tandem_mechanism_joint
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -15,44 +16,44 @@ module tandem_mechanism_joint
 
     !> Length of the names of bodies, points and other elements.
     integer, parameter :: name_length = 64
-    !> Entry of a free freedom in the table of kinds.
+    !> Marks an unconstrained freedom in the table.
     logical, parameter :: free = .false.
 
-    !> Freedoms of a kind of joint.
+    !> Type of joint: its constrained freedoms.
     type :: kind_type
         character(len=16) :: name
-        !> True for each constrained freedom, six in space, three in the plane.
+        !> True for each constrained freedom: six in space, three in the plane.
         logical :: held(6)
-        !> Freedom that a motion drives; 0 if none.
+        !> Freedom that a motion drives, 0 if none.
         integer :: driven
-        !> True if an axis is required.
+        !> True if the definition must specify an axis.
         logical :: has_axis
     end type kind_type
 
-    !> A joint, as used after the definition.
+    !> Joint of the completed model.
     type :: joint_type
         character(len=name_length) :: name = ''
-        !> Name of its kind.
+        !> Type of the joint, such as `revolute`.
         character(len=16) :: kind_name = ''
-        !> Bodies, 0 for the ground, the joint's point on each in the frame of that body, and its axes on the first in columns.
+        !> Bodies, 0 for the ground; the point of the joint on each, in the body frame; axes on the first body, in columns.
         integer :: first = 0, second = 0
         real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp, axes1(3, 3) = 0.0_wp
-        !> Its rows of C at position level.
+        !> First of its holonomic rows of C, and their number.
         integer :: row = 0, n_rows = 0
-        !> Indices of its coordinates: the angle about its axis and the displacement along it, 0 if none.
+        !> Indices of its coordinates: rotation angle about its axis and displacement along its axis, 0 if none.
         integer :: rotation = 0, displacement = 0
-        !> Freedom that a function of time drives at position level, 0 if none, and index of the function.
+        !> Freedom that a function of time drives by a holonomic row, 0 if none; index of the function.
         integer :: driven = 0, motion = 0
     end type joint_type
 
-    !> A joint during the definition.
+    !> Joint during the definition, with data that the completed model does not need.
     type, extends(joint_type) :: placed_joint_type
         type(kind_type) :: kind
-        !> Axes on the second body.
+        !> Axes on the second body, in columns.
         real(wp) :: axes2(3, 3) = 0.0_wp
-        !> Freedoms constrained at velocity level.
+        !> True for freedoms constrained by velocity-level rows.
         logical :: at_velocity_level(6) = .false.
-        !> True if its sides may be apart in the reference configuration.
+        !> True if the two points of the joint need not coincide in the reference configuration.
         logical :: may_be_open = .false.
     end type placed_joint_type
 
@@ -78,7 +79,7 @@ module tandem_mechanism_joint
 
 contains
 
-    !> Kind of a name; its own name is empty if there is no such kind.
+    !> Type of joint with a name; the result has an empty name if there is none.
     pure function find_kind(name, planar) result(kind)
         character(len=*), intent(in) :: name
         logical, intent(in) :: planar
@@ -97,7 +98,7 @@ contains
         end if
     end function find_kind
 
-    !> Names of all kinds, for messages.
+    !> Names of all types of joints, for messages.
     pure function kind_names(planar) result(names)
         logical, intent(in) :: planar
         character(len=160) :: names

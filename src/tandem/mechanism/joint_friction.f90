@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Friction on the reactions of joints, as charts request it from a model: the force of each friction for a normal force of 1 N, and
-!> the normal forces for given multipliers.
+!> Joint friction in the form that charts use: the generalised force of each friction for a normal force of 1 N, and the normal
+!> forces for given multipliers.
 submodule(tandem_mechanism) tandem_mechanism_joint_friction
     use tandem_mechanism_normal_force, only: normal_force
     implicit none (type, external)
@@ -12,28 +12,28 @@ contains
 
         do i = 1, size(self%torsions)
             associate (rows => self%torsions(i)%reaction%rows)
-                ! Rows at velocity level come after all others.
+                ! Velocity-level rows are numbered after all holonomic rows.
                 where (rows < 0) rows = self%n_holonomic - rows
             end associate
         end do
         self%n_frictions = count(self%torsions%reaction%n > 0)
     end procedure list_frictions
 
-    !> B.
+    !> Matrix B, whose columns are the generalised friction forces for normal forces of 1 N.
     module procedure friction_directions
         integer :: i
 
         stat = 0
         value = 0.0_wp
-        ! Set only the positions and the current piece of each law; evaluate no term.
+        ! Set only the poses and select the smooth piece of each force law; evaluate no terms.
         call self%evaluate(0, t, q, qd, self%at_row, stat)
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
         end do
-        call add_press_directions(self%torsions, t, self%pose, self%laws, value)
+        call add_friction_directions(self%torsions, t, self%pose, self%laws, value)
     end procedure friction_directions
 
-    !> p and its gradient.
+    !> Normal forces p and their gradients with respect to the multipliers.
     module procedure normal_forces
         integer :: i, j, k
 

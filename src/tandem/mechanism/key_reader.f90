@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Reads keys with values: the tables of a scene and the elements of a mechanism, one after the other. One call per key returns its
-!> value, checks it, and stores it with its unit and meaning. The same calls thus give the values, the list of valid keys, and the
-!> complete description with all defaults.
+!> Reader of keys with values, for the tables of a scene and the elements of a mechanism. A caller opens one table or element after
+!> the other and makes one call per key, which returns the value, checks it, and records its unit and meaning. The same calls
+!> therefore also yield the list of valid keys and the complete description with all defaults.
 !>
-!> The first error is stored with the place of its entry; later calls then do nothing, so that a caller may check once after all
-!> calls.
+!> The first error is stored with the position of its entry. Later calls then do nothing, so that one check after all calls
+!> suffices.
 module tandem_mechanism_key_reader
     use tandem_error, only: error_type, to_text
     use tandem_kinds, only: wp
@@ -22,44 +22,44 @@ module tandem_mechanism_key_reader
 
     public :: reader_type, fault_type, anything, positive, not_negative
 
-    !> Parts of an error in the tables of a scene, to which the name of the file and the line are added.
+    !> Parts of an error message about the tables of a scene, to which the file name and the line are added.
     type :: fault_type
-        !> Message; remark beside the marked place; line below it, empty if there is none.
+        !> Message; remark beside the marked position; line below it, empty if there is none.
         character(len=:), allocatable :: message, remark, tail
-        !> Heading of the table, shown if there is no place; empty if the message names it.
+        !> Heading of the table, which is shown if there is no position; empty if the message contains it.
         character(len=:), allocatable :: heading
-        !> Source of the table; true if the key is marked instead of its value.
+        !> Source of the table; true if the key is to be marked, false for its value.
         integer :: source = 0
         logical :: is_at_key = .false.
     end type fault_type
 
-    !> Reads and checks the keys of one table or element after the other, and stores the first error.
+    !> Reader of keys.
     type :: reader_type
-        !> First error, and the place of its entry, 0 if none; its parts, allocated for the tables of a scene.
+        !> First error, and the position of its entry, 0 if none; its parts, allocated for the tables of a scene only.
         type(error_type), allocatable :: error
         integer :: place = 0
         type(fault_type), allocatable :: fault
-        !> True if only values are read: the complete description is omitted.
+        !> True if only values are read, and no complete description is recorded.
         logical :: is_brief = .false.
-        !> Parameters and their values.
+        !> Names of parameters, and their values.
         character(len=key_length), allocatable :: names(:)
         real(wp), allocatable :: values(:)
-        !> Lines of the complete description so far: the first `n_shown`.
+        !> Lines of the complete description recorded so far, the first `n_shown` of the array.
         type(shown_type), allocatable :: shown(:)
         integer :: n_shown = 0
         !> Name of the current element.
         character(len=:), allocatable :: name
-        !> All entries, the caller's.
+        !> All entries; owned by the caller.
         type(entries_type), pointer :: entries => null()
-        !> True for tables of a scene: keys are named without their table, and texts are not expressions.
+        !> True for tables of a scene: messages name keys without their table, and texts are not expressions.
         logical, private :: is_scene = .false.
         type(element_type), allocatable, private :: elements(:)
         integer, private :: n_elements = 0, current = 0
-        !> Elements by kind and name; index, within its kind, of the last opened element.
+        !> Indices of elements by kind and name; index, within its kind, of the element opened last.
         type(name_index_type), private :: by_name
         integer, private :: opened = 0
         logical, allocatable, private :: used(:)
-        !> Tables that functions and laws may name.
+        !> Names of tables of values that functions and laws may use.
         character(len=key_length), allocatable, private :: table_names(:)
         type(table_type), allocatable, private :: tables(:)
     contains
@@ -71,54 +71,54 @@ module tandem_mechanism_key_reader
         procedure :: add_table, get_function, get_law, get_expressions, evaluate_text
         procedure :: show, remark, hide
         procedure, private :: get_real, get_integer, get_truth, get_text, get_choice, get_vector, get_strings
-        procedure, private :: complain, fail_at, evaluate, find, index_of, remember, heading_of
+        procedure, private :: refuse_value, fail_at, evaluate, find, index_of, record_key, heading_of
     end type reader_type
 
     ! Tables and elements.
     interface
-        !> Take the entries of a mechanism, which contain no repetitions, and assign them to elements.
+        !> Attach the entries of a mechanism, without repetitions, and assign them to elements.
         module subroutine take(self, entries, kinds, singles)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            !> Must outlive the use of the reader.
+            !> Must exist as long as the reader is used.
             type(entries_type), intent(in), target :: entries
-            !> Kinds of elements with names, and kinds of which there is one element.
+            !> Kinds of elements that have names; kinds of which there is only one element.
             character(len=*), intent(in) :: kinds(:), singles(:)
         end subroutine take
 
-        !> Take the entries of a scene, and assign them to tables.
+        !> Attach the entries of a scene, and assign them to tables.
         module subroutine take_tables(self, entries, arrays)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            !> Must outlive the use of the reader.
+            !> Must exist as long as the reader is used.
             type(entries_type), intent(in), target :: entries
-            !> Tables that may come several times; their keys contain a number, as in `event.1.value`.
+            !> Names of tables that may occur several times. Their keys contain a number, as in `event.1.value`.
             character(len=*), intent(in) :: arrays(:)
         end subroutine take_tables
 
-        !> Number of elements of a kind, or of tables that may come several times.
+        !> Number of elements of a kind, or of tables with the same name.
         pure integer module function n_of(self, kind)
             implicit none (type, external)
             class(reader_type), intent(in) :: self
             character(len=*), intent(in) :: kind
         end function n_of
 
-        !> Select the table or the element of the following calls of `get`. A single table need not have entries.
+        !> Open the table or the element to which the following calls refer. A table need not have entries.
         module subroutine open_table(self, table, number)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: table
-            !> Index of the element in its kind, or of one of several tables of a name; 1 if absent.
+            !> Index of the element within its kind, or of one of several tables with the same name; default 1.
             integer, intent(in), optional :: number
         end subroutine open_table
 
-        !> Refuse all keys of the table that have not been requested.
+        !> Refuse all keys of the open table that have not been requested.
         module subroutine close_table(self)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
         end subroutine close_table
 
-        !> Names below a key of the element, which become known.
+        !> List the names below a key of the element, which counts as requested.
         module subroutine keys_below(self, key, names)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -126,62 +126,62 @@ module tandem_mechanism_key_reader
             character(len=key_length), allocatable, intent(out) :: names(:)
         end subroutine keys_below
 
-        !> Make a key known to messages although it has no value here.
+        !> Add a key to the known keys, so that messages can suggest it, although its value is not read here.
         pure module subroutine propose(self, key)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
         end subroutine propose
 
-        !> Remove keys of the table that the description gives if one of others, which replace them, is given by a setting and is
-        !> not 0.
+        !> Remove keys of the open table that the description gives, if a setting gives one of the keys `by`, which replace them,
+        !> with a value other than 0.
         module subroutine replace(self, keys, by)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: keys(:), by(:)
         end subroutine replace
 
-        !> Entry of a requested key, which becomes known; 0 if absent. A missing required key is an error.
+        !> Entry of a requested key, 0 if absent. An absent key is an error if it is required.
         integer module function index_of(self, key, required, row_length) result(k)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
             logical, intent(in), optional :: required
-            !> Length of the rows of a matrix, which may be a list of lists; if absent, a list of lists is an error.
+            !> Length of the rows of a matrix, which may be given as a list of lists. If absent, a list of lists is an error.
             integer, intent(in), optional :: row_length
         end function index_of
     end interface
 
-    ! Values of any table.
+    ! Values in any table.
     interface
-        !> Read a number, in a mechanism also an expression of parameters; the value is unchanged if the key is absent.
+        !> Read a number; in a mechanism also an expression of parameters. The value is unchanged if the key is absent.
         module subroutine get_number(self, key, value, check, unit, help, required)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> Default on entry, value on return; not allocated if there is neither.
+            !> Default on entry, value on return; not allocated if there is none.
             real(wp), allocatable, intent(inout) :: value
             !> `anything` (default), `positive` or `not_negative`.
             integer, intent(in), optional :: check
-            !> Unit and meaning, for the complete description.
+            !> Unit and meaning for the complete description.
             character(len=*), intent(in), optional :: unit, help
-            !> True if there is no default.
+            !> True if the key has no default and must be given.
             logical, intent(in), optional :: required
         end subroutine get_number
 
-        !> Read a list of numbers or expressions of one of several lengths.
+        !> Read a list of numbers or expressions, whose length must be one of several.
         module subroutine get_numbers(self, key, lengths, values, check, unit, help, required, row_length)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> Valid lengths; in a mechanism a single number is accepted for a length of 1.
+            !> Allowed lengths. In a mechanism, a single number is accepted for a length of 1.
             integer, intent(in) :: lengths(:)
-            !> Default on entry, values on return; not allocated if there are neither.
+            !> Defaults on entry, values on return; not allocated if there are none.
             real(wp), allocatable, intent(inout) :: values(:)
             integer, intent(in), optional :: check
             character(len=*), intent(in), optional :: unit, help
             logical, intent(in), optional :: required
-            !> Length of the rows of a matrix, which may also be given by its rows.
+            !> Length of the rows of a matrix, which may also be given row by row.
             integer, intent(in), optional :: row_length
         end subroutine get_numbers
 
@@ -211,14 +211,14 @@ module tandem_mechanism_key_reader
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> Required number of texts, 0 for any number.
+            !> Required number of texts; 0 for any number.
             integer, intent(in) :: length
             character(len=text_length), allocatable, intent(inout) :: texts(:)
             character(len=*), intent(in), optional :: help
             logical, intent(in), optional :: required
         end subroutine get_texts
 
-        !> Copy texts that other modules read to the complete mechanism.
+        !> Record texts, which other modules read, in the complete description.
         module subroutine pass(self, key, help)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -236,7 +236,7 @@ module tandem_mechanism_key_reader
         end subroutine get_truth
     end interface
 
-    ! Values that have a default, or a length, of their own.
+    ! Values with defaults that are not allocatable, or with a given length.
     interface
         !> Read a number.
         module subroutine get_real(self, key, value, check, unit, help, required)
@@ -273,7 +273,7 @@ module tandem_mechanism_key_reader
             logical, intent(in), optional :: required
         end subroutine get_choice
 
-        !> Read as many numbers as `values` has.
+        !> Read as many numbers as `values` has entries.
         module subroutine get_vector(self, key, values, check, unit, help)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -284,7 +284,7 @@ module tandem_mechanism_key_reader
             character(len=*), intent(in), optional :: unit, help
         end subroutine get_vector
 
-        !> Read some of the texts in a list of choices, each once at most.
+        !> Read texts from a list of choices, each at most once.
         module subroutine get_strings(self, key, values, choices, help, may_have_values)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -293,20 +293,20 @@ module tandem_mechanism_key_reader
             character(len=*), allocatable, intent(inout) :: values(:)
             character(len=*), intent(in) :: choices(:)
             character(len=*), intent(in), optional :: help
-            !> True if elements may have the form NAME=NUMBER as well.
+            !> True if texts may also have the form NAME=NUMBER.
             logical, intent(in), optional :: may_have_values
         end subroutine get_strings
 
-        !> Read one number for all of something, or one for each in a list.
+        !> Read one number that applies to all items, or a list with one number per item.
         module subroutine get_for_each(self, key, length, values, value, help)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> How many there are.
+            !> Number of items.
             integer, intent(in) :: length
-            !> The list; not allocated if there is none.
+            !> List; not allocated if none is given.
             real(wp), allocatable, intent(inout) :: values(:)
-            !> The number for all, on entry the default. If absent, the key has no default, and a number fills the list.
+            !> Number for all items; default on entry. If absent, the key has no default, and a single number is copied to the list.
             real(wp), intent(inout), optional :: value
             character(len=*), intent(in), optional :: help
         end subroutine get_for_each
@@ -332,7 +332,7 @@ module tandem_mechanism_key_reader
             character(len=*), intent(in), optional :: unit, help
         end subroutine get_function
 
-        !> Add a table that functions and laws may name.
+        !> Add a table of values that functions and laws may use by name.
         module subroutine add_table(self, name, table)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -340,7 +340,7 @@ module tandem_mechanism_key_reader
             type(table_type), intent(in) :: table
         end subroutine add_table
 
-        !> Read a law of time, a coordinate and its rate.
+        !> Read a force law of the time, a coordinate and its rate.
         module subroutine get_law(self, key, coordinate, law, unit, help)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -352,12 +352,12 @@ module tandem_mechanism_key_reader
             character(len=*), intent(in), optional :: unit, help
         end subroutine get_law
 
-        !> Read a list of numbers or expressions of variables, of one of several lengths.
+        !> Read a list of numbers or of expressions of variables, whose length must be one of several.
         module subroutine get_expressions(self, key, lengths, variables, expressions, unit, help, required)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> Valid lengths; a single expression is accepted for a length of 1.
+            !> Allowed lengths. A single expression is accepted for a length of 1.
             integer, intent(in) :: lengths(:)
             character(len=*), intent(in) :: variables(:)
             !> Not allocated if the key is absent.
@@ -370,7 +370,7 @@ module tandem_mechanism_key_reader
         module subroutine evaluate(self, entry, text, number)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            !> Entry of the text, for messages and for the index of a repeated element.
+            !> Entry of the text, for messages and for the indices of a repeated element.
             integer, intent(in) :: entry
             character(len=*), intent(in) :: text
             real(wp), intent(out) :: number
@@ -387,22 +387,22 @@ module tandem_mechanism_key_reader
 
     ! Errors.
     interface
-        !> Set an error about a key of the element, or about the element if the key is absent.
+        !> Set an error about a key of the open element, or about the element itself if no key is given.
         module subroutine fail(self, key, problem, advice)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key, problem, advice
         end subroutine fail
 
-        !> Set an error about the value of a key of the table.
+        !> Set an error about the value of a key of the open table.
         module subroutine refuse(self, key, problem)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            !> Key, and description of the fault, such as `must be positive`.
+            !> Key; problem, such as `must be positive`.
             character(len=*), intent(in) :: key, problem
         end subroutine refuse
 
-        !> Set an error about the entry with a place; 0 for the whole scene.
+        !> Set an error about the entry at a position; 0 for the whole scene.
         module subroutine refuse_at(self, place, problem)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -410,37 +410,37 @@ module tandem_mechanism_key_reader
             character(len=*), intent(in) :: problem
         end subroutine refuse_at
 
-        !> Set an error that concerns no key of an element; `place` is unchanged.
+        !> Set an error that does not concern a key of an element; `place` is unchanged.
         module subroutine refuse_all(self, problem, advice)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: problem, advice
         end subroutine refuse_all
 
-        !> Store the error of a builder procedure, which names the element. Its place is that of the key or text in the message.
+        !> Store the error of a builder procedure about the open element. Its position is that of the key or text in the message.
         module subroutine blame(self, error)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             type(error_type), allocatable, intent(inout) :: error
         end subroutine blame
 
-        !> Store an error about all elements. Its place is in the element that the message names.
+        !> Store an error about all elements. Its position is found in the element that the message names.
         module subroutine blame_named(self, error)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             type(error_type), allocatable, intent(inout) :: error
         end subroutine blame_named
 
-        !> Set an error about the value of an entry of the table.
-        module subroutine complain(self, entry, key, problem)
+        !> Set an error about the value of an entry of the open table.
+        module subroutine refuse_value(self, entry, key, problem)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            !> Entry, 0 if none, and its key.
+            !> Entry, 0 if there is none, and its key.
             integer, intent(in) :: entry
             character(len=*), intent(in) :: key, problem
-        end subroutine complain
+        end subroutine refuse_value
 
-        !> Set an error about an entry of a mechanism, 0 if none.
+        !> Set an error about an entry of a mechanism; 0 if there is none.
         module subroutine fail_at(self, entry, problem, advice)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
@@ -451,41 +451,41 @@ module tandem_mechanism_key_reader
 
     ! The complete description.
     interface
-        !> Append a line for a key: the value as given, or the default.
-        module subroutine remember(self, key, entry, value, unit, help, is_whole)
+        !> Record a key in the complete description: its value as given, or its default.
+        module subroutine record_key(self, key, entry, value, unit, help, is_whole)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: key
-            !> Entry with the value, 0 if none.
+            !> Entry that contains the value, 0 for a default.
             integer, intent(in) :: entry
             type(value_type), intent(in) :: value
             character(len=*), intent(in), optional :: unit, help
             !> True for an integer.
             logical, intent(in), optional :: is_whole
-        end subroutine remember
+        end subroutine record_key
 
-        !> Append a line.
+        !> Append a line to the complete description.
         module subroutine show(self, line)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             type(shown_type), intent(in) :: line
         end subroutine show
 
-        !> Append a comment.
+        !> Append a comment to the complete description.
         module subroutine remark(self, words)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
             character(len=*), intent(in) :: words
         end subroutine remark
 
-        !> Exclude the keys read so far in the table from the complete scene, since others replace them. Giving such a key at the
-        !> same time is an error.
+        !> Omit the keys of the open table that were read so far from the complete description, because others replace them. It is
+        !> an error to give both.
         module subroutine hide(self, source, reason)
             implicit none (type, external)
             class(reader_type), intent(inout) :: self
-            !> Source of the others.
+            !> Source of the keys that replace them.
             integer, intent(in) :: source
-            !> Reason why both are not allowed.
+            !> Reason for which both must not be given.
             character(len=*), intent(in) :: reason
         end subroutine hide
     end interface
@@ -499,7 +499,7 @@ contains
         failed = allocated(self%error)
     end function failed
 
-    !> Length of the heading of the current table: named elements have two brackets on each side.
+    !> Length of the heading of the open table. Tables with several elements have two brackets on each side.
     pure integer function heading_length(self)
         class(reader_type), intent(in) :: self
 
@@ -508,7 +508,7 @@ contains
         end associate
     end function heading_length
 
-    !> Heading of the current table.
+    !> Heading of the open table.
     pure function heading_of(self) result(heading)
         class(reader_type), intent(in) :: self
         character(len=heading_length(self)) :: heading
@@ -519,7 +519,7 @@ contains
         end associate
     end function heading_of
 
-    !> True if a key of the table is given.
+    !> True if a key of the open table is given.
     pure logical function gives(self, key)
         class(reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -527,7 +527,7 @@ contains
         gives = self%find(key) > 0
     end function gives
 
-    !> Source that gives a key of the table: 0 the description, i the i-th setting, -1 none.
+    !> Source that gives a key of the open table: 0 is the description, i the i-th setting, -1 none.
     pure integer function source_of(self, key)
         class(reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -538,7 +538,7 @@ contains
         if (k > 0) source_of = self%entries%list(k)%source
     end function source_of
 
-    !> True if a key of the table is given by one text.
+    !> True if a key of the open table is given by a single text.
     pure logical function is_text_at(self, key)
         class(reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -553,7 +553,7 @@ contains
         end associate
     end function is_text_at
 
-    !> True if a key of the table is given by a text, or by a list that contains one.
+    !> True if a key of the open table is given by a text, or by a list that contains a text.
     pure logical function has_text(self, key)
         class(reader_type), intent(in) :: self
         character(len=*), intent(in) :: key
@@ -575,7 +575,7 @@ contains
         if (k > 0) n = size(self%entries%list(k)%value%atoms)
     end function count_of
 
-    !> Entry of a key of the table; 0 if none, or after an error.
+    !> Entry of a key of the open table; 0 if absent, or after an error.
     pure integer function find(self, key) result(k)
         class(reader_type), intent(in) :: self
         character(len=*), intent(in) :: key

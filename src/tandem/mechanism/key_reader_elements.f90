@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Entries by table or element, and the keys of the one that is open.
+!> Assignment of entries to tables and elements, and the keys of the open one.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_elements
     use tandem_mechanism_element_keys, only: add_to
     use tandem_mechanism_entries, only: is_number
@@ -68,7 +68,7 @@ contains
             kind = up_to_dot(key)
             name = ''
             if (any(arrays == kind)) name = up_to_dot(key(len(kind) + 2:))
-            ! A table without keys is an entry by itself.
+            ! A table without keys has an entry of its own.
             has_key = len(key) > len(kind) + len(name) + count([name /= ''])
             call find_element(self, kind, name, k)
             if (self%elements(k)%n == 0) self%elements(k)%source = entries%list(i)%source
@@ -80,7 +80,7 @@ contains
     !> Refuse a name that is too long for an element or a point.
     subroutine check_length(self, entry, name)
         class(reader_type), intent(inout) :: self
-        !> Entry with this name in its key.
+        !> Entry whose key contains the name.
         integer, intent(in) :: entry
         character(len=*), intent(in) :: name
 
@@ -88,7 +88,7 @@ contains
             to_text(name_length)//' characters', 'shorten it')
     end subroutine check_length
 
-    !> Find the element of a name; append a new one if there is none.
+    !> Index of the element with a name, which is appended if it does not exist.
     subroutine find_element(self, kind, name, k)
         class(reader_type), intent(inout) :: self
         character(len=*), intent(in) :: kind, name
@@ -121,7 +121,7 @@ contains
         if (self%failed()) return
         nth = 1
         if (present(number)) nth = number
-        ! Search from the last element of the same kind on, because all elements of a kind are opened in order.
+        ! Search from the element opened last, because elements of a kind are opened in order.
         n = 0
         k = 1
         if (self%current > 0 .and. self%opened < nth) then
@@ -169,7 +169,7 @@ contains
         end associate
     end procedure close_table
 
-    !> Refuse an unknown key of a table of a scene.
+    !> Refuse an unknown key of a scene table.
     subroutine refuse_unknown(self, entry, key, known)
         class(reader_type), intent(inout) :: self
         integer, intent(in) :: entry
@@ -179,7 +179,7 @@ contains
         near = nearest_name(key, known)
         keys = listed(known)
         if (size(known) == 0) keys = ' none'
-        call self%complain(entry, '', 'unknown key "'//key//'" in '//self%heading_of())
+        call self%refuse_value(entry, '', 'unknown key "'//key//'" in '//self%heading_of())
         self%fault%is_at_key = .true.
         self%fault%remark = ''
         if (near /= '') self%fault%remark = 'did you mean "'//near//'"?'
@@ -231,7 +231,7 @@ contains
             if (.not. is_zero) call drop(keys)
         end do
     contains
-        !> Remove entries of the table that the description gives.
+        !> Remove entries of the open table that the description gives.
         subroutine drop(keys)
             character(len=*), intent(in) :: keys(:)
             integer, allocatable :: kept(:)
@@ -265,27 +265,27 @@ contains
         if (.not. present(required)) return
         if (.not. required) return
         if (self%is_scene) then
-            call self%complain(0, '', 'the key '//key//' is missing in '//self%heading_of())
+            call self%refuse_value(0, '', 'the key '//key//' is missing in '//self%heading_of())
             self%fault%heading = ''
         else
             call self%fail('', 'the key '//key//' is missing', 'add it')
         end if
     end procedure index_of
 
-    !> Refuse a list of lists that is not a matrix, or has rows of another length.
+    !> Refuse a list of lists that is not a matrix, or whose rows have another length.
     subroutine check_rows(self, entry, key, expected)
         class(reader_type), intent(inout) :: self
         integer, intent(in) :: entry
         character(len=*), intent(in) :: key
-        !> Expected length of the rows.
+        !> Required length of the rows.
         integer, intent(in), optional :: expected
 
         associate (given => self%entries%list(entry)%value%row_length)
             if (given == 0) return
             if (.not. present(expected)) then
-                call self%complain(entry, key, 'is a list of lists; give one list')
+                call self%refuse_value(entry, key, 'is a list of lists; give one list')
             else if (given /= expected) then
-                call self%complain(entry, key, 'has rows of '//to_text(given)//'; give '//to_text(expected)//' rows of '// &
+                call self%refuse_value(entry, key, 'has rows of '//to_text(given)//'; give '//to_text(expected)//' rows of '// &
                     to_text(expected))
             end if
         end associate

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Errors of keys, with the place of the entry of each.
+!> Errors about keys, with the position of their entry.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_errors
     use tandem_error, only: set_error
     use tandem_status, only: status_invalid_model, status_invalid_option, status_name
@@ -23,10 +23,10 @@ contains
     end procedure fail
 
     module procedure refuse
-        if (.not. self%failed()) call self%complain(self%find(key), key, problem)
+        if (.not. self%failed()) call self%refuse_value(self%find(key), key, problem)
     end procedure refuse
 
-    module procedure complain
+    module procedure refuse_value
         if (self%failed()) return
         if (entry > 0) self%place = self%entries%list(entry)%place
         allocate (self%error)
@@ -46,12 +46,12 @@ contains
             self%error%stat = status_invalid_model
             self%error%message = status_name(status_invalid_model)//': '//self%entries%list(entry)%key//': '//problem
         end if
-    end procedure complain
+    end procedure refuse_value
 
     module procedure refuse_at
         if (self%failed()) return
         call self%open_table('scene')
-        call self%complain(0, '', problem)
+        call self%refuse_value(0, '', problem)
         self%place = place
         self%fault%remark = 'here'
     end procedure refuse_at
@@ -74,12 +74,13 @@ contains
         self%place = 0
         do k = 1, self%n_elements
             if (self%elements(k)%name == '') cycle
-            if (says(self%error%message, trim(self%elements(k)%name))) self%place = place_in(self, self%elements(k))
+            if (contains_word(self%error%message, trim(self%elements(k)%name))) self%place = place_in(self, self%elements(k))
             if (self%place > 0) return
         end do
     end procedure blame_named
 
-    !> Place of an error in an element: the key in the message, else the text in the message, else the first key.
+    !> Position of an error within an element: of the key that the message contains, else of the text that it contains, else of the
+    !> first key.
     pure integer function place_in(self, element) result(place)
         class(reader_type), intent(in) :: self
         type(element_type), intent(in) :: element
@@ -92,13 +93,13 @@ contains
             associate (atoms => self%entries%list(k)%value%atoms)
                 do j = 1, size(atoms)
                     if (atoms(j)%kind /= is_text) cycle
-                    if (says(self%error%message, up_to_dot(atoms(j)%text))) place = self%entries%list(k)%place
+                    if (contains_word(self%error%message, up_to_dot(atoms(j)%text))) place = self%entries%list(k)%place
                 end do
             end associate
         end do
         do i = element%n, 1, -1
             k = element%entries(i)
-            if (says(self%error%message, key_of(self%entries%list(k), element))) place = self%entries%list(k)%place
+            if (contains_word(self%error%message, key_of(self%entries%list(k), element))) place = self%entries%list(k)%place
         end do
     end function place_in
 
@@ -108,20 +109,20 @@ contains
         if (entry > 0) self%place = self%entries%list(entry)%place
     end procedure fail_at
 
-    !> True if a message contains a word.
-    pure logical function says(message, word)
+    !> True if a message contains a word as a whole.
+    pure logical function contains_word(message, word)
         character(len=*), intent(in) :: message, word
 
-        says = scan_word(' ') .or. scan_word(':') .or. scan_word(';') .or. scan_word(',')
+        contains_word = scan_word(' ') .or. scan_word(':') .or. scan_word(';') .or. scan_word(',')
 
     contains
 
-        !> True if the word is followed by a sign.
+        !> True if a character separates words.
         pure logical function scan_word(sign)
             character(len=1), intent(in) :: sign
 
             scan_word = index(' '//message, ' '//word//sign) > 0
         end function scan_word
-    end function says
+    end function contains_word
 
 end submodule tandem_mechanism_key_reader_errors

@@ -39,7 +39,7 @@ contains
                 end if
                 allocate (f, source=expression_function(expression))
             end if
-            call self%remember(key, k, given, unit, help)
+            call self%record_key(key, k, given, unit, help)
         end associate
     end procedure get_function
 
@@ -56,7 +56,7 @@ contains
         self%table_names = [character(len=key_length) :: self%table_names, name]
     end procedure add_table
 
-    !> Index of the table that the text of an entry names; 0 if none.
+    !> Index of the table of values that the text of an entry names; 0 if none.
     pure integer function table_at(self, entry) result(number)
         class(reader_type), intent(in) :: self
         integer, intent(in) :: entry
@@ -79,7 +79,7 @@ contains
             if (table_at(self, k) > 0) then
                 k = self%index_of(key)
                 allocate (law, source=table_law(self%tables(table_at(self, k))))
-                call self%remember(key, k, self%entries%list(k)%value, unit, help)
+                call self%record_key(key, k, self%entries%list(k)%value, unit, help)
                 return
             end if
         end if
@@ -98,7 +98,7 @@ contains
         call constants(self, k, names, values)
         associate (given => self%entries%list(k)%value)
             if (.not. any(lengths == size(given%atoms))) then
-                call self%complain(k, key, 'has '//to_text(size(given%atoms))//trim(merge(' element ', ' elements', &
+                call self%refuse_value(k, key, 'has '//to_text(size(given%atoms))//trim(merge(' element ', ' elements', &
                     size(given%atoms) == 1))//'; it must have '//to_text(lengths(1)))
                 return
             end if
@@ -119,7 +119,7 @@ contains
                 deallocate (expressions)
                 return
             end do
-            call self%remember(key, k, given, unit, help)
+            call self%record_key(key, k, given, unit, help)
         end associate
     end procedure get_expressions
 
@@ -147,7 +147,7 @@ contains
         if (.not. self%failed()) call self%evaluate(self%find(key), text, number)
     end procedure evaluate_text
 
-    !> Parameters, and the indices of a repeated element.
+    !> Parameters, followed by the indices of a repeated element.
     subroutine constants(self, entry, names, values)
         class(reader_type), intent(in) :: self
         integer, intent(in) :: entry

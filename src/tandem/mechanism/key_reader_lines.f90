@@ -5,7 +5,7 @@ submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_lines
 
 contains
 
-    module procedure remember
+    module procedure record_key
         type(shown_type) :: line
         integer :: of
 
@@ -41,7 +41,7 @@ contains
             line%comment = line%comment//help
         end if
         call self%show(line)
-    end procedure remember
+    end procedure record_key
 
     module procedure show
         type(shown_type), allocatable :: longer(:)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Values with defaults or lengths of their own, as the tables of a scene have them.
+!> Values with defaults that are not allocatable, or with a given length, as in the tables of a scene.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_settings
     use tandem_mechanism_entries, only: is_number, is_other, number_value
     use tandem_mechanism_value_rules, only: kind_of, violated
@@ -38,9 +38,9 @@ contains
                     problem = trim(violated(real(value, wp), check))
                 end if
             end associate
-            if (problem /= '') call self%complain(k, key, problem)
+            if (problem /= '') call self%refuse_value(k, key, problem)
         end if
-        call self%remember(key, k, number_value(real(value, wp)), help=help, is_whole=.true.)
+        call self%record_key(key, k, number_value(real(value, wp)), help=help, is_whole=.true.)
     end procedure get_integer
 
     module procedure get_choice
@@ -98,7 +98,7 @@ contains
         call move_alloc(taken, values)
     end procedure get_strings
 
-    !> Fault of the number in NAME=NUMBER; empty if there is no number.
+    !> Problem of the number in NAME=NUMBER; empty if it is valid.
     pure function value_problem(text) result(problem)
         character(len=*), intent(in) :: text
         character(len=len(text) + 48) :: problem
@@ -155,6 +155,6 @@ contains
             end do
             if (problem == '') allocate (values, source=given)
         end associate
-        if (problem /= '') call self%complain(k, key, problem)
+        if (problem /= '') call self%refuse_value(k, key, problem)
     end procedure get_list
 end submodule tandem_mechanism_key_reader_settings

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Values of keys that may be absent: numbers, texts and truth values.
+!> Values that need not have a default: numbers, texts and logical values.
 submodule(tandem_mechanism_key_reader) tandem_mechanism_key_reader_values
     use tandem_mechanism_entries, only: is_number, is_truth, number_value, text_value, truth_value
     use tandem_mechanism_value_rules, only: kind_of, text_problem, violated
@@ -16,20 +16,20 @@ contains
         k = self%index_of(key, required)
         if (k > 0) then
             if (self%entries%list(k)%value%is_list) then
-                call self%complain(k, key, 'must be a number, not an array')
+                call self%refuse_value(k, key, 'must be a number, not an array')
             else
                 call read_number_at(self, k, key, 1, number, check)
             end if
             if (self%failed()) return
             value = number
         end if
-        if (allocated(value)) call self%remember(key, k, number_value(value), unit, help)
+        if (allocated(value)) call self%record_key(key, k, number_value(value), unit, help)
     end procedure get_number
 
-    !> Read a number or an expression among the atoms of an entry.
+    !> Read a number, or evaluate an expression, from one item of an entry.
     subroutine read_number_at(self, k, key, i, number, check)
         class(reader_type), intent(inout) :: self
-        !> Entry with its key, and index of the atom.
+        !> Entry and its key; index of the item.
         integer, intent(in) :: k, i
         character(len=*), intent(in) :: key
         real(wp), intent(out) :: number
@@ -57,7 +57,7 @@ contains
             if (problem == '') return
             if (value%is_list) problem = 'element '//to_text(i)//' '//problem
         end associate
-        call self%complain(k, key, problem)
+        call self%refuse_value(k, key, problem)
     end subroutine read_number_at
 
     module procedure get_numbers
@@ -69,7 +69,7 @@ contains
             associate (given => self%entries%list(k)%value)
                 n = size(given%atoms)
                 if (.not. given%is_list .and. (self%is_scene .or. .not. any(lengths == 1))) then
-                    call self%complain(k, key, 'must be an array of numbers, not '//trim(kind_of(given%atoms(1)))// &
+                    call self%refuse_value(k, key, 'must be an array of numbers, not '//trim(kind_of(given%atoms(1)))// &
                         '; it must have '//trim(one_of(lengths)))
                 else if (self%is_scene .or. any(lengths == n)) then
                     if (allocated(values)) deallocate (values)
@@ -80,16 +80,16 @@ contains
                 end if
                 if (self%failed()) return
                 if (.not. any(lengths == n)) then
-                    call self%complain(k, key, 'has '//to_text(n)//trim(merge(' element ', ' elements', n == 1))// &
+                    call self%refuse_value(k, key, 'has '//to_text(n)//trim(merge(' element ', ' elements', n == 1))// &
                         '; it must have '//trim(one_of(lengths)))
                     return
                 end if
                 do i = 1, n
                     if (violated(values(i), check) == '') cycle
                     if (given%is_list) then
-                        call self%complain(k, key, 'element '//to_text(i)//' '//trim(violated(values(i), check)))
+                        call self%refuse_value(k, key, 'element '//to_text(i)//' '//trim(violated(values(i), check)))
                     else
-                        call self%complain(k, key, trim(violated(values(i), check)))
+                        call self%refuse_value(k, key, trim(violated(values(i), check)))
                     end if
                     return
                 end do
@@ -100,10 +100,10 @@ contains
         if (k > 0) shown%row_length = self%entries%list(k)%value%row_length
         allocate (shown%atoms(size(values)))
         shown%atoms%number = values
-        call self%remember(key, k, shown, unit, help)
+        call self%record_key(key, k, shown, unit, help)
     end procedure get_numbers
 
-    !> Numbers separated by `or`.
+    !> The numbers in words, separated by `or`.
     pure function one_of(numbers) result(text)
         integer, intent(in) :: numbers(:)
         character(len=20*size(numbers)) :: text
@@ -129,13 +129,13 @@ contains
                     problem = trim(text_problem(given%atoms(1)))
                 end if
                 if (problem /= '') then
-                    call self%complain(k, key, problem)
+                    call self%refuse_value(k, key, problem)
                     return
                 end if
                 text = given%atoms(1)%text
             end associate
         end if
-        if (allocated(text)) call self%remember(key, k, text_value(text), help=help)
+        if (allocated(text)) call self%record_key(key, k, text_value(text), help=help)
     end procedure get_text
 
     module procedure get_word
@@ -182,7 +182,7 @@ contains
                     end if
                 end do
                 if (problem /= '') then
-                    call self%complain(k, key, problem)
+                    call self%refuse_value(k, key, problem)
                     return
                 end if
             end associate
@@ -194,7 +194,7 @@ contains
         do i = 1, size(texts)
             shown%atoms(i)%text = trim(texts(i))
         end do
-        call self%remember(key, k, shown, help=help)
+        call self%record_key(key, k, shown, help=help)
     end procedure get_texts
 
     module procedure pass
@@ -204,9 +204,9 @@ contains
         if (k == 0) return
         associate (given => self%entries%list(k)%value)
             if (.not. given%is_list .or. .not. all(given%atoms%kind == is_text)) then
-                call self%complain(k, key, 'must be an array of strings in quotes')
+                call self%refuse_value(k, key, 'must be an array of strings in quotes')
             else
-                call self%remember(key, k, given, help=help)
+                call self%record_key(key, k, given, help=help)
             end if
         end associate
     end procedure pass
@@ -218,14 +218,14 @@ contains
         if (k > 0) then
             associate (given => self%entries%list(k)%value)
                 if (given%is_list) then
-                    call self%complain(k, key, 'must be true or false, not an array')
+                    call self%refuse_value(k, key, 'must be true or false, not an array')
                 else if (given%atoms(1)%kind /= is_truth) then
-                    call self%complain(k, key, 'must be true or false, not '//trim(kind_of(given%atoms(1))))
+                    call self%refuse_value(k, key, 'must be true or false, not '//trim(kind_of(given%atoms(1))))
                 else
                     truth = given%atoms(1)%truth
                 end if
             end associate
         end if
-        call self%remember(key, k, truth_value(truth), help=help)
+        call self%record_key(key, k, truth_value(truth), help=help)
     end procedure get_truth
 end submodule tandem_mechanism_key_reader_values

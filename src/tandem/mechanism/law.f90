@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Laws of forces along a coordinate, such as the length of a spring or the angle of a joint: f(t, x, xd) with its derivatives with
-!> respect to x and xd, which suffice for the gradient blocks. Along the length of a spring f is a tension, positive if it shortens
-!> the spring; along the coordinate of a joint a positive f accelerates the coordinate.
+!> Force laws f(t, x, xd) for a coordinate x, such as the length of a spring or the angle of a joint, with the derivatives with
+!> respect to x and xd that the gradient blocks require. For the length of a spring, f is a tension: positive if it pulls the ends
+!> together. For a joint coordinate, a positive f accelerates the coordinate.
 module tandem_mechanism_law
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
@@ -14,25 +14,26 @@ module tandem_mechanism_law
     public :: law_type, law_item_type, expression_law_type, expression_law, table_law_type, table_law, friction_law_type, &
         law_rate_type
 
-    !> A law; extend this type for others.
+    !> A force law. Extend this type to define other laws.
     type, abstract :: law_type
     contains
         procedure(evaluate_interface), deferred :: evaluate
-        !> For laws with kinks in time only: the kinks, the current smooth piece, and a check for values that steps may miss.
+        !> Override for laws with kinks in time only: find the kinks; select the smooth piece around a time; detect variation that a
+        !> step misses between the times at which it evaluates.
         procedure :: find_kinks => find_no_kinks, hold => hold_nothing, hides => hides_nothing
-        !> Partial derivative of the force with respect to time; zero unless overridden.
-        procedure :: by_time => not_by_time
+        !> Partial derivative of the force with respect to time, zero by default.
+        procedure :: by_time => zero_by_time
     end type law_type
 
     abstract interface
-        !> Force and its derivatives.
+        !> Return the force and its derivatives.
         pure subroutine evaluate_interface(self, t, x, v, f)
             import :: law_type, wp
             implicit none (type, external)
             class(law_type), intent(in) :: self
             !> Time (s), coordinate (m or rad) and its rate.
             real(wp), intent(in) :: t, x, v
-            !> f (N or N m), f_x and f_v.
+            !> f (N or N m), and its derivatives with respect to x and v.
             real(wp), intent(out) :: f(0:2)
         end subroutine evaluate_interface
     end interface
@@ -51,27 +52,28 @@ module tandem_mechanism_law
         procedure :: by_time => expression_by_time
     end type expression_law_type
 
-    !> Partial derivative of a law with respect to time, as a law whose own derivatives are never needed.
+    !> Partial derivative of a law with respect to time, as a law. Its own derivatives are zero, since they are never used.
     type, extends(law_type) :: law_rate_type
         class(law_type), allocatable :: law
     contains
         procedure :: evaluate => evaluate_rate
     end type law_rate_type
 
-    !> A table with respect to the coordinate.
+    !> A table of forces at given values of the coordinate.
     type, extends(law_type) :: table_law_type
         type(table_type) :: table
     contains
         procedure :: evaluate => evaluate_table
     end type table_law_type
 
-    !> Regularised friction for a given normal force N: it grows steeply with the rate v, has its maximum at the transition speed,
-    !> and decreases to sliding friction: N (mu_d tanh 4 u + (mu_s - mu_d) u/(u^2/4 + 3/4)^2) + c v, u = v/v_t. Source: P. Brown, J.
-    !> McPhee, A continuous velocity-based friction model for dynamics and control with physically meaningful parameters, J. Comput.
-    !> Nonlinear Dynam. 11 (2016) 054502, eq. 6. As a law along the coordinate of a joint, f has the opposite sign: it acts against
-    !> the rate.
+    !> Regularised friction for a constant normal force N: N (mu_d tanh 4 u + (mu_s - mu_d) u/(u^2/4 + 3/4)^2) + c v with u = v/v_t.
+    !> It rises steeply with the rate v to its maximum at the transition speed v_t and falls to sliding friction beyond. The law of
+    !> a joint coordinate has the opposite sign, so that friction opposes the rate. Source: P. Brown, J. McPhee, A continuous
+    !> velocity-based friction model for dynamics and control with physically meaningful parameters, J. Comput. Nonlinear Dynam. 11
+    !> (2016) 054502, eq. 6.
     type, extends(law_type) :: friction_law_type
-        !> N (N; N m for a rotation: force times radius), mu_s, mu_d, v_t (m/s, rad/s), and the viscous part c (N s/m, N m s).
+        !> N (N; for a rotation N m, the product of force and radius); coefficients mu_s and mu_d of static and sliding friction;
+        !> v_t (m/s, rad/s); viscous coefficient c (N s/m, N m s/rad).
         real(wp) :: normal = 0.0_wp, static = 0.0_wp, dynamic = 0.0_wp, speed = 1.0_wp, viscous = 0.0_wp
     contains
         procedure :: evaluate => evaluate_friction
@@ -79,10 +81,10 @@ module tandem_mechanism_law
 
 contains
 
-    !> None.
+    !> List the kinks within an interval of time; none by default.
     subroutine find_no_kinks(self, from, to, places, orders, error)
         class(law_type), intent(in) :: self
-        !> Interval of time without its start (s). If the search ends early, the end is lowered, and the kinks are those up to it.
+        !> Interval (s), excluding its start. If the search ends early, `to` is lowered to the end of the searched interval.
         real(wp), intent(in) :: from
         real(wp), intent(inout) :: to
         !> Times of the kinks in any order, and the lowest derivative that jumps at each: 0 is the value.
@@ -93,19 +95,20 @@ contains
         allocate (places(0), orders(0))
     end subroutine find_no_kinks
 
-    !> A law without kinks in time is one piece.
+    !> Select the smooth piece around a time; a law without kinks in time has only one.
     pure subroutine hold_nothing(self, t)
         class(law_type), intent(inout) :: self
         !> A time inside the piece, not at a kink (s).
         real(wp), intent(in) :: t
     end subroutine hold_nothing
 
-    !> True if the law takes values between two times that a step does not sample; false for a law without kinks in time.
+    !> True if the law varies between two times in a way that a step of this length would miss; false for a law without kinks in
+    !> time.
     logical function hides_nothing(self, from, to, between) result(hides)
         class(law_type), intent(inout) :: self
         !> Two times within the current piece (s).
         real(wp), intent(in) :: from, to
-        !> True if the step evaluates at times between its ends.
+        !> True if the step also evaluates between its ends.
         logical, intent(in) :: between
 
         hides = .false.
@@ -141,13 +144,13 @@ contains
         f(2) = gradient(3)
     end subroutine evaluate_expression
 
-    pure real(wp) function not_by_time(self, t, x, v) result(rate)
+    pure real(wp) function zero_by_time(self, t, x, v) result(rate)
         class(law_type), intent(in) :: self
         !> Time (s), coordinate (m or rad) and its rate.
         real(wp), intent(in) :: t, x, v
 
         rate = 0.0_wp
-    end function not_by_time
+    end function zero_by_time
 
     pure real(wp) function expression_by_time(self, t, x, v) result(rate)
         class(expression_law_type), intent(in) :: self
@@ -181,7 +184,7 @@ contains
         class(expression_law_type), intent(inout) :: self
         real(wp), intent(in) :: t
 
-        call self%pieces%hold(t)
+        call self%pieces%select_piece(t)
     end subroutine hold_expression
 
     logical function expression_hides(self, from, to, between) result(hides)

@@ -173,8 +173,8 @@ contains
             do j = 1, n_local
                 if (c(j) == 0) cycle
                 l = derivatives%column_of(c(j))
-                if (iand(need, need_dynamics_q) /= 0) call add(derivatives%dynamics_q(:, l), formula%by(i)*by_q(j))
-                if (iand(need, need_dynamics_qd) /= 0) call add(derivatives%dynamics_qd(:, l), formula%by(i)*by_qd(j))
+                if (iand(need, need_dynamics_q) /= 0) call add(derivatives%dynamics_q(:, l), formula%gradient(i)*by_q(j))
+                if (iand(need, need_dynamics_qd) /= 0) call add(derivatives%dynamics_qd(:, l), formula%gradient(i)*by_qd(j))
             end do
         end do
 

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
 !> Massless wheels: constraints of a wheel of negligible inertia on the body that carries it. The wheel touches a plane, does not
-!> slip sideways, and rotates freely about its axle; this takes two rows and no coordinates. It may be steered by a function of time
-!> about a line through its centre. It may slide on the body along a strut; the displacement is then a massless coordinate, on which
+!> slip sideways, and rotates freely about its axle, which requires two rows and no coordinates. A function of time may steer it
+!> about a line through its centre. It may slide along a strut of the body; its displacement is then a massless coordinate on which
 !> springs act.
 !>
-!> With the axle a = A a'(t), the centre w = r + A (c' + x s'), s' along the strut, sigma = a.n and g = sqrt(1 - sigma^2) the wheel
-!> of radius R touches at w - R (n - sigma a)/g. Its height is n.w - R g, and across it, along e = (a - sigma n)/g, the contact
-!> point has the velocity V = e.w_t + R sigma_t: the plane of the wheel rotates about its own heading by sigma_t/g. A round rim adds
-!> -c n to the contact and c sigma_t/g to V.
+!> Let a = A a'(t) be the axle, w = r + A (c' + x s') the centre with the direction s' of the strut, sigma = a.n, and g = sqrt(1 -
+!> sigma^2). A wheel of radius R touches the plane at w - R (n - sigma a)/g, and its height is n.w - R g. Along the lateral
+!> direction e = (a - sigma n)/g the contact point has the velocity V = e.w_t + R sigma_t, since the plane of the wheel rotates
+!> about its heading by sigma_t/g. A round rim of section radius c adds -c n to the contact point and c sigma_t/g to V.
 module tandem_mechanism_massless_wheel
     use tandem_kinds, only: wp
     use tandem_mechanism_velocity_joint, only: put_nonholonomic
@@ -18,51 +18,53 @@ module tandem_mechanism_massless_wheel
     implicit none (type, external)
     private
 
-    public :: massless_wheel_type, set_slides, find_place, evaluate_massless_wheels, differentiate_massless_wheels
+    public :: massless_wheel_type, set_displacements, find_contact_point, evaluate_massless_wheels, differentiate_massless_wheels
 
-    !> A massless wheel on a body: it touches a plane, does not slip across, spins freely, and may steer and slide on a strut.
+    !> Massless wheel on a body. It touches a plane, does not slip sideways, rotates freely, and may be steered and slide along a
+    !> strut.
     type :: massless_wheel_type
         integer :: body = 0
-        !> Rows of the height and of the velocity across.
+        !> Rows of C: the height, and the lateral velocity.
         integer :: height_row = 0, row = 0
-        !> Index of the pose whose position is the displacement of the wheel, and index of this coordinate; 0 for a wheel that does
-        !> not slide.
+        !> Index of the pose that contains the displacement of the wheel, and index of this coordinate; 0 for a wheel without a
+        !> strut.
         integer :: slide = 0, displacement = 0
-        !> Radius of the middle line of the rim, and of the section of the rim.
+        !> Radius of the centre line of the rim, and radius of the rim's cross section (0 for a sharp rim).
         real(wp) :: radius = 1.0_wp, crown = 0.0_wp
-        !> Centre, axle, and direction of the strut, in the frame of the body.
+        !> Centre, axle, and direction of the strut, in the body frame.
         real(wp) :: centre(3) = 0.0_wp, axle(3) = 0.0_wp, along(3) = 0.0_wp
-        !> Index of the steering function, 0 if none; component of the axle along the steering axis, and direction towards which the
-        !> other component rotates.
+        !> Index of the function of time of the steering angle, 0 if none; component of the axle along the steering axis; the other
+        !> component after a rotation by 90 degrees.
         integer :: steer = 0
         real(wp) :: fixed(3) = 0.0_wp, towards(3) = 0.0_wp
         !> Last steering angle, its cosine and its sine.
         real(wp) :: angle = 0.0_wp, cosine = 1.0_wp, sine = 0.0_wp
-        !> Unit normal of the plane, its distance from the origin along n, and index of the function of its rise.
+        !> Plane of contact: unit normal n, distance from the origin along n, and index of the function of time that raises it.
         real(wp) :: normal(3) = [0.0_wp, 0.0_wp, 1.0_wp], height = 0.0_wp
         integer :: rise = 0
     end type massless_wheel_type
 
-    !> Axle and centre of a wheel in the frame of the body with derivatives with respect to time, and in the world along the motion.
-    type :: way_type
+    !> Axle and centre in the body frame with derivatives with respect to time; axle a and centre w in the world frame, and sigma,
+    !> with derivatives along the motion.
+    type :: geometry_type
         real(wp) :: axle(3, 0:2) = 0.0_wp, centre(3, 0:2) = 0.0_wp
         real(wp) :: a(3, 0:2) = 0.0_wp, w(3, 0:2) = 0.0_wp, sigma(0:2) = 0.0_wp
-    end type way_type
+    end type geometry_type
 
     !> A wheel with a smaller g lies flat on the plane and has no contact point.
     real(wp), parameter :: flat = 1.0e-7_wp
-    !> binomial(i, k) = k over i.
+    !> binomial(i, k) is the binomial coefficient k over i.
     real(wp), parameter :: binomial(0:2, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
         1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
 
 contains
 
-    !> Set the displacements of wheels, or a derivative of them.
-    pure subroutine set_slides(wheels, k, values, pose)
+    !> Set the displacements of wheels, or their derivatives.
+    pure subroutine set_displacements(wheels, k, values, pose)
         type(massless_wheel_type), intent(in) :: wheels(:)
         !> Order of the derivative, 0 for the value. Order 1 also sets the second derivative for qdd = 0.
         integer, intent(in) :: k
-        !> Values of all coordinates.
+        !> Values of all coordinates, or of their derivatives.
         real(wp), intent(in) :: values(:)
         type(pose_type), intent(inout) :: pose(0:)
         integer :: i
@@ -74,15 +76,15 @@ contains
                 if (k == 1) slide%r(1, 2) = 0.0_wp
             end associate
         end do
-    end subroutine set_slides
+    end subroutine set_displacements
 
-    !> Axle in the frame of the body, with its derivatives with respect to time.
+    !> Axle in the body frame, with its derivatives with respect to time.
     pure subroutine steer_axle(wheel, f, axle)
         type(massless_wheel_type), intent(inout) :: wheel
         !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(inout) :: axle(3, 0:2)
-        real(wp) :: angle(0:2), across(3), turned_on(3)
+        real(wp) :: angle(0:2), across(3), rotated(3)
 
         if (wheel%steer == 0) then
             axle(:, 0) = wheel%axle
@@ -96,101 +98,102 @@ contains
             wheel%sine = sin(wheel%angle)
         end if
         across = wheel%axle - wheel%fixed
-        turned_on = wheel%cosine*wheel%towards - wheel%sine*across
+        rotated = wheel%cosine*wheel%towards - wheel%sine*across
         across = wheel%cosine*across + wheel%sine*wheel%towards
         axle(:, 0) = wheel%fixed + across
-        axle(:, 1) = angle(1)*turned_on
-        axle(:, 2) = angle(2)*turned_on - angle(1)**2*across
+        axle(:, 1) = angle(1)*rotated
+        axle(:, 2) = angle(2)*rotated - angle(1)**2*across
     end subroutine steer_axle
 
-    !> Axle and centre, with derivatives along the motion up to `last`.
-    pure subroutine find_way(wheel, body, slide, f, last, way)
+    !> Axle and centre, with derivatives along the motion up to order `last`.
+    pure subroutine find_geometry(wheel, body, slide, f, last, geometry)
         type(massless_wheel_type), intent(inout) :: wheel
         type(pose_type), intent(in) :: body, slide
         real(wp), intent(in), contiguous :: f(0:, :)
         integer, intent(in) :: last
-        type(way_type), intent(inout) :: way
+        type(geometry_type), intent(inout) :: geometry
         integer :: k
 
-        call steer_axle(wheel, f, way%axle)
-        way%centre(:, 0) = wheel%centre + slide%r(1, 0)*wheel%along
-        way%a(:, 0) = turned(body, 0, way%axle(:, 0))
-        way%w(:, 0) = body%r(:, 0) + turned(body, 0, way%centre(:, 0))
+        call steer_axle(wheel, f, geometry%axle)
+        geometry%centre(:, 0) = wheel%centre + slide%r(1, 0)*wheel%along
+        geometry%a(:, 0) = turned(body, 0, geometry%axle(:, 0))
+        geometry%w(:, 0) = body%r(:, 0) + turned(body, 0, geometry%centre(:, 0))
         if (last > 0) then
-            way%centre(:, 1) = slide%r(1, 1)*wheel%along
-            way%centre(:, 2) = slide%r(1, 2)*wheel%along
-            way%a(:, 1) = turned(body, 1, way%axle(:, 0)) + turned(body, 0, way%axle(:, 1))
-            way%w(:, 1) = body%r(:, 1) + turned(body, 1, way%centre(:, 0)) + turned(body, 0, way%centre(:, 1))
-            way%a(:, 2) = turned(body, 2, way%axle(:, 0)) + 2*turned(body, 1, way%axle(:, 1)) + turned(body, 0, way%axle(:, 2))
-            way%w(:, 2) = body%r(:, 2) + turned(body, 2, way%centre(:, 0)) + 2*turned(body, 1, way%centre(:, 1)) + &
-                turned(body, 0, way%centre(:, 2))
+            geometry%centre(:, 1) = slide%r(1, 1)*wheel%along
+            geometry%centre(:, 2) = slide%r(1, 2)*wheel%along
+            geometry%a(:, 1) = turned(body, 1, geometry%axle(:, 0)) + turned(body, 0, geometry%axle(:, 1))
+            geometry%w(:, 1) = body%r(:, 1) + turned(body, 1, geometry%centre(:, 0)) + turned(body, 0, geometry%centre(:, 1))
+            geometry%a(:, 2) = turned(body, 2, geometry%axle(:, 0)) + 2*turned(body, 1, geometry%axle(:, 1)) + &
+                turned(body, 0, geometry%axle(:, 2))
+            geometry%w(:, 2) = body%r(:, 2) + turned(body, 2, geometry%centre(:, 0)) + 2*turned(body, 1, geometry%centre(:, 1)) + &
+                turned(body, 0, geometry%centre(:, 2))
         end if
         do k = 0, last
-            way%sigma(k) = dot3(wheel%normal, way%a(:, k))
+            geometry%sigma(k) = dot3(wheel%normal, geometry%a(:, k))
         end do
-    end subroutine find_way
+    end subroutine find_geometry
 
-    !> Contact point of a wheel, at a pose with given position and rotation.
-    pure subroutine find_place(wheel, body, slide, f, place)
+    !> Contact point of a wheel. Of the poses, only position and rotation need be set.
+    pure subroutine find_contact_point(wheel, body, slide, f, contact)
         type(massless_wheel_type), intent(inout) :: wheel
         type(pose_type), intent(in) :: body, slide
         real(wp), intent(in), contiguous :: f(0:, :)
-        real(wp), intent(out) :: place(3)
-        type(way_type) :: way
+        real(wp), intent(out) :: contact(3)
+        type(geometry_type) :: geometry
 
-        call find_way(wheel, body, slide, f, 0, way)
-        associate (n => wheel%normal, sigma => way%sigma(0))
-            place = way%w(:, 0) - wheel%radius/sqrt(1 - sigma**2)*(n - sigma*way%a(:, 0)) - wheel%crown*n
+        call find_geometry(wheel, body, slide, f, 0, geometry)
+        associate (n => wheel%normal, sigma => geometry%sigma(0))
+            contact = geometry%w(:, 0) - wheel%radius/sqrt(1 - sigma**2)*(n - sigma*geometry%a(:, 0)) - wheel%crown*n
         end associate
-    end subroutine find_place
+    end subroutine find_contact_point
 
-    !> Add the rows of the height and of the velocity across.
+    !> Add the terms of both rows.
     pure subroutine evaluate_massless_wheels(wheels, need, pose, f, terms, stat)
         type(massless_wheel_type), intent(inout) :: wheels(:)
         integer, intent(in) :: need
         type(pose_type), intent(in) :: pose(0:)
         real(wp), intent(in), contiguous :: f(0:, :)
         type(terms_type), intent(inout) :: terms
-        !> 1 for a wheel that lies flat.
+        !> Set to 1 if a wheel lies flat on the plane.
         integer, intent(inout) :: stat
-        type(way_type) :: way
-        real(wp) :: v, u, v_sigma, weight, e(3), e1(3), rise(0:2), turning
+        type(geometry_type) :: geometry
+        real(wp) :: v, u, v_sigma, weight, e(3), e1(3), rise(0:2), sigma_t
         integer :: i
 
         do i = 1, size(wheels)
             associate (wheel => wheels(i), body => pose(wheels(i)%body), slide => pose(wheels(i)%slide), n => wheels(i)%normal, &
-                radius => wheels(i)%radius, sigma => way%sigma)
-                call find_way(wheel, body, slide, f, merge(2, 0, iand(need, need_gamma) /= 0), way)
+                radius => wheels(i)%radius, sigma => geometry%sigma)
+                call find_geometry(wheel, body, slide, f, merge(2, 0, iand(need, need_gamma) /= 0), geometry)
                 if (.not. 1 - sigma(0)**2 > flat**2) then
                     stat = 1
                     return
                 end if
-                ! 1/g and sigma/g, and the coefficient of sigma_t in V.
+                ! v = 1/g, u = sigma/g, and the coefficient of sigma_t in V.
                 v = 1/sqrt(1 - sigma(0)**2)
                 u = sigma(0)*v
                 weight = radius + wheel%crown*v
                 rise = 0.0_wp
                 if (wheel%rise > 0) rise = f(:, wheel%rise)
-                if (iand(need, need_phi) /= 0) terms%phi(wheel%height_row) = dot3(n, way%w(:, 0)) - radius/v - wheel%crown - &
+                if (iand(need, need_phi) /= 0) terms%phi(wheel%height_row) = dot3(n, geometry%w(:, 0)) - radius/v - wheel%crown - &
                     wheel%height - rise(0)
-                e = v*way%a(:, 0) - u*n
+                e = v*geometry%a(:, 0) - u*n
                 if (iand(need, need_jacobian) /= 0) then
-                    call put_entries(body, slide, wheel%height_row, n, gradient_of(body, 0, way%centre(:, 0) + &
-                        radius*u*way%axle(:, 0), n), dot3(n, turned(body, 0, wheel%along)), terms%jacobian)
-                    call put_entries(body, slide, wheel%row, e, gradient_of(body, 0, way%centre(:, 0), e) + &
-                        weight*gradient_of(body, 0, way%axle(:, 0), n), dot3(e, turned(body, 0, wheel%along)), terms%jacobian)
+                    call put_entries(body, slide, wheel%height_row, n, gradient_of(body, 0, geometry%centre(:, 0) + &
+                        radius*u*geometry%axle(:, 0), n), dot3(n, turned(body, 0, wheel%along)), terms%jacobian)
+                    call put_entries(body, slide, wheel%row, e, gradient_of(body, 0, geometry%centre(:, 0), e) + &
+                        weight*gradient_of(body, 0, geometry%axle(:, 0), n), dot3(e, turned(body, 0, wheel%along)), terms%jacobian)
                 end if
                 if (iand(need, need_nu) /= 0 .and. max(wheel%steer, wheel%rise) > 0) then
-                    ! sigma_t for constant q.
-                    turning = dot3(n, turned(body, 0, way%axle(:, 1)))
-                    terms%nu(wheel%height_row) = rise(1) - radius*u*turning
-                    terms%nu(wheel%row) = -weight*turning
+                    ! sigma_t at constant q.
+                    sigma_t = dot3(n, turned(body, 0, geometry%axle(:, 1)))
+                    terms%nu(wheel%height_row) = rise(1) - radius*u*sigma_t
+                    terms%nu(wheel%row) = -weight*sigma_t
                 end if
                 if (iand(need, need_gamma) /= 0) then
                     v_sigma = sigma(0)*v**3
-                    terms%gamma(wheel%height_row) = dot3(n, way%w(:, 2)) + radius*(u*sigma(2) + v**3*sigma(1)**2) - rise(2)
-                    e1 = v*(way%a(:, 1) - sigma(1)*n) + v_sigma*sigma(1)*(way%a(:, 0) - sigma(0)*n)
-                    terms%gamma(wheel%row) = dot3(e1, way%w(:, 1)) + dot3(e, way%w(:, 2)) + &
+                    terms%gamma(wheel%height_row) = dot3(n, geometry%w(:, 2)) + radius*(u*sigma(2) + v**3*sigma(1)**2) - rise(2)
+                    e1 = v*(geometry%a(:, 1) - sigma(1)*n) + v_sigma*sigma(1)*(geometry%a(:, 0) - sigma(0)*n)
+                    terms%gamma(wheel%row) = dot3(e1, geometry%w(:, 1)) + dot3(e, geometry%w(:, 2)) + &
                         wheel%crown*v_sigma*sigma(1)**2 + weight*sigma(2)
                 end if
             end associate
@@ -214,9 +217,9 @@ contains
         if (slide%place > 0) jacobian(row, slide%place_column) = by_slide
     end subroutine put_entries
 
-    !> Add the gradient blocks: those of the height as for any holonomic row; for V = E qd - e its gradient V_q, and the derivatives
-    !> of E and V_q along the motion (section 15 of doc/theory.md). m is the velocity of the centre along the plane: V = m.a/g + k
-    !> sigma_t with k = R + c/g.
+    !> Add the requested gradient blocks: for the height as for any holonomic row; for V = E qd - e by V_q and the derivatives of E
+    !> and V_q along the motion (section 15 of doc/theory.md). Let m be the velocity of the centre parallel to the plane; then V =
+    !> m.a/g + k sigma_t with k = R + c/g.
     pure subroutine differentiate_massless_wheels(wheels, need, pose, f, lambda, derivatives)
         type(massless_wheel_type), intent(inout) :: wheels(:)
         integer, intent(in) :: need
@@ -224,7 +227,7 @@ contains
         real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
-        type(way_type) :: way
+        type(geometry_type) :: geometry
         real(wp) :: a_p(3, 4, 0:2), w_p(3, 4, 0:2), w_x(3, 0:2), s(4, 0:2), e(3, 0:1), m(3, 0:1), e_p(3, 4)
         real(wp) :: v(0:1), v_s(0:1), u(0:2), k(0:1), ma(0:1), gradient(n_local, 0:2), block(n_local, n_local), h(4, 4)
         real(wp) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local)
@@ -232,20 +235,20 @@ contains
 
         do i = 1, size(wheels)
             associate (wheel => wheels(i), body => pose(wheels(i)%body), slide => pose(wheels(i)%slide), n => wheels(i)%normal, &
-                radius => wheels(i)%radius, crown => wheels(i)%crown, sigma => way%sigma, a => way%a)
-                call find_way(wheel, body, slide, f, 2, way)
+                radius => wheels(i)%radius, crown => wheels(i)%crown, sigma => geometry%sigma, a => geometry%a)
+                call find_geometry(wheel, body, slide, f, 2, geometry)
                 c = columns(body, slide)
                 a_p = 0.0_wp
                 w_p = 0.0_wp
                 do j = 0, 2
                     do l = 0, j
-                        a_p(:, :, j) = a_p(:, :, j) + binomial(l, j)*gradient_matrix(body, j - l, way%axle(:, l))
-                        w_p(:, :, j) = w_p(:, :, j) + binomial(l, j)*gradient_matrix(body, j - l, way%centre(:, l))
+                        a_p(:, :, j) = a_p(:, :, j) + binomial(l, j)*gradient_matrix(body, j - l, geometry%axle(:, l))
+                        w_p(:, :, j) = w_p(:, :, j) + binomial(l, j)*gradient_matrix(body, j - l, geometry%centre(:, l))
                     end do
                     w_x(:, j) = turned(body, j, wheel%along)
                     s(:, j) = matmul(n, a_p(:, :, j))
                 end do
-                ! 1/g, its derivative by sigma, sigma/g; and k.
+                ! v = 1/g, v_s its derivative with respect to sigma, u = sigma/g, and k, with derivatives along the motion.
                 v(0) = 1/sqrt(1 - sigma(0)**2)
                 v_s(0) = sigma(0)*v(0)**3
                 v(1) = v_s(0)*sigma(1)
@@ -264,7 +267,7 @@ contains
                     gradient(place_2 + 1, j) = dot3(n, w_x(:, j))
                 end do
                 block = 0.0_wp
-                h = second_gradient(body, way%centre(:, 0) + radius*u(0)*way%axle(:, 0), n)
+                h = second_gradient(body, geometry%centre(:, 0) + radius*u(0)*geometry%axle(:, 0), n)
                 do j = 1, 4
                     h(:, j) = h(:, j) + radius*v(0)**3*s(j, 0)*s(:, 0)
                 end do
@@ -274,7 +277,7 @@ contains
                 call put_holonomic(need, wheel%height_row, c, gradient, block, lambda(wheel%height_row), derivatives)
 
                 do j = 0, 1
-                    m(:, j) = way%w(:, j + 1) - dot3(n, way%w(:, j + 1))*n
+                    m(:, j) = geometry%w(:, j + 1) - dot3(n, geometry%w(:, j + 1))*n
                 end do
                 e(:, 0) = v(0)*(a(:, 0) - sigma(0)*n)
                 e(:, 1) = v(0)*(a(:, 1) - sigma(1)*n) + v(1)*(a(:, 0) - sigma(0)*n)
@@ -297,11 +300,11 @@ contains
                 call put_nonholonomic(need, wheel%row, c, v_q, v_q_rate, e_rate, derivatives)
                 if (iand(need, need_dynamics_q) == 0) cycle
 
-                ! The gradient of E, which is (e, e'w_p + k n'a_p, e'w_x).
+                ! Gradient of E = (e, e'w_p + k n'a_p, e'w_x).
                 do j = 1, 4
                     e_p(:, j) = v(0)*(a_p(:, j, 0) - s(j, 0)*n) + v_s(0)*s(j, 0)*(a(:, 0) - sigma(0)*n)
                 end do
-                h = second_gradient(body, way%centre(:, 0), e(:, 0)) + k(0)*second_gradient(body, way%axle(:, 0), n) + &
+                h = second_gradient(body, geometry%centre(:, 0), e(:, 0)) + k(0)*second_gradient(body, geometry%axle(:, 0), n) + &
                     matmul(transpose(w_p(:, :, 0)), e_p)
                 do j = 1, 4
                     h(:, j) = h(:, j) + crown*v_s(0)*s(j, 0)*s(:, 0)

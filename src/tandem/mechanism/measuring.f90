@@ -5,7 +5,7 @@ submodule(tandem_mechanism) tandem_mechanism_measuring
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism_body, only: kinetic_energy_of
     use tandem_mechanism_effort, only: bushing_effort, effort_type, load_effort, spring_effort, torsion_effort
-    use tandem_mechanism_massless_wheel, only: find_place
+    use tandem_mechanism_massless_wheel, only: find_contact_point
     use tandem_mechanism_reaction, only: reaction_on, turned_back
     use tandem_mechanism_rolling, only: find_contact
     use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_knife_edge, of_joint, of_massless_wheel, &
@@ -75,9 +75,9 @@ contains
         if (stat /= 0) return
         if (.not. allocated(self%state%asked)) then
             do i = 1, size(self%bodies)
-                call set_curve(self%pose(i), qdd)
+                call set_accelerations(self%pose(i), qdd)
             end do
-            call set_slides(self%massless_wheels, 2, qdd, self%pose)
+            call set_displacements(self%massless_wheels, 2, qdd, self%pose)
         end if
         with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
         if (with_reactions .and. allocated(self%state%asked)) then
@@ -132,7 +132,7 @@ contains
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
         end do
-        call set_slides(self%massless_wheels, 1, qd, self%pose)
+        call set_displacements(self%massless_wheels, 1, qd, self%pose)
     end subroutine set_poses
 
     !> Kinetic and potential energy for a sensor: of the mechanism, or of a body.
@@ -184,7 +184,7 @@ contains
                     point = point + body%r(:, 0)
                 else if (sensor%of == of_massless_wheel) then
                     associate (wheel => self%massless_wheels(sensor%number))
-                        call find_place(wheel, body, self%pose(wheel%slide), self%f, point)
+                        call find_contact_point(wheel, body, self%pose(wheel%slide), self%f, point)
                     end associate
                 else
                     point = body%r(:, 0) + turned(body, 0, sensor%vector%s2)

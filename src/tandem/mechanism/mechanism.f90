@@ -18,22 +18,22 @@ module tandem_mechanism
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_perpendicular, only: differentiate_perpendiculars, evaluate_perpendiculars
     use tandem_mechanism_builder, only: builder_type
-    use tandem_mechanism_force, only: add_bushings, add_press_directions, add_springs, add_torsions, bushing_energy, &
+    use tandem_mechanism_force, only: add_bushings, add_friction_directions, add_springs, add_torsions, bushing_energy, &
         differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_velocity_joint, only: differentiate_velocity_joints, evaluate_velocity_joints
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
     use tandem_mechanism_load, only: add_loads, differentiate_loads
-    use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels, set_slides
+    use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels, set_displacements
     use tandem_mechanism_pin, only: angles_type, evaluate_pins, pin_type
-    use tandem_mechanism_pose, only: pose_type, set_angle, set_curve, set_place, set_rates
+    use tandem_mechanism_pose, only: pose_type, set_angle, set_accelerations, set_position, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rolling, only: differentiate_knife_edges, differentiate_rollers, evaluate_knife_edges, evaluate_rollers
     use tandem_mechanism_formula, only: is_joint
     use tandem_mechanism_sensor, only: pack_sensor, sensed_joint
     use tandem_mechanism_point_vector, only: differentiate_distances, differentiate_coincidences, evaluate_distances, &
         evaluate_coincidences
-    use tandem_mechanism_turning, only: add_inertia_forces, evaluate_norms, set_masses, turning_group_type
+    use tandem_mechanism_rotating_bodies, only: add_inertia_forces, evaluate_norms, set_masses, rotating_group_type
     use tandem_model, only: label_length, model_type, quantity_type
     use tandem_model_affine_motion, only: affine_motion_type
     use tandem_model_derivatives, only: derivatives_type, need_acceleration_q, need_acceleration_qd, need_all_derivatives, &
@@ -63,7 +63,7 @@ module tandem_mechanism
         !> Hinges in space, single or in groups, and the indices of the remaining coincident points and perpendicularity rows.
         type(hinge_type), allocatable, private :: hinges(:)
         type(hinge_group_type), allocatable, private :: hinge_groups(:)
-        integer, allocatable, private :: loose_coincidences(:), loose_perpendiculars(:)
+        integer, allocatable, private :: single_coincidences(:), single_perpendiculars(:)
         !> In the plane all coincident points as pins, and the angles of bodies.
         type(pin_type), allocatable, private :: pins(:)
         type(angles_type), private :: angles_of_bodies
@@ -71,7 +71,7 @@ module tandem_mechanism
         integer, private :: before_norms = 0
         integer, allocatable, private :: turning(:)
         !> The same bodies in groups; their number if they are not grouped; all bodies outside groups.
-        type(turning_group_type), allocatable, private :: turning_groups(:)
+        type(rotating_group_type), allocatable, private :: rotating_groups(:)
         integer, private :: n_turning_alone = 0
         integer, allocatable, private :: alone(:)
         !> True if an element uses poses; groups do not. True if poses always exist, for elements and sensors: otherwise they are
@@ -512,8 +512,8 @@ contains
             end if
         end if
         if (size(self%massless_wheels) > 0) then
-            call set_slides(self%massless_wheels, 0, q, self%pose)
-            if (iand(need, need_gamma + need_force) /= 0) call set_slides(self%massless_wheels, 1, qd, self%pose)
+            call set_displacements(self%massless_wheels, 0, q, self%pose)
+            if (iand(need, need_gamma + need_force) /= 0) call set_displacements(self%massless_wheels, 1, qd, self%pose)
         end if
         call evaluate_functions(self, t)
         if (follows) call follow_turns(self)
@@ -526,9 +526,9 @@ contains
                 call self%angles_of_bodies%set(self%n, q)
                 call evaluate_pins(self%pins, need, self%angles_of_bodies, self%n, q, qd, terms)
             end if
-            if (size(self%loose_coincidences) > 0) call evaluate_coincidences(self%loose_coincidences, self%coincidences, need, &
+            if (size(self%single_coincidences) > 0) call evaluate_coincidences(self%single_coincidences, self%coincidences, need, &
                 self%pose, terms)
-            if (size(self%loose_perpendiculars) > 0) call evaluate_perpendiculars(self%loose_perpendiculars, &
+            if (size(self%single_perpendiculars) > 0) call evaluate_perpendiculars(self%single_perpendiculars, &
                 self%perpendiculars, need, self%pose, self%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
@@ -541,7 +541,7 @@ contains
             if (size(self%velocity_joints) > 0) call evaluate_velocity_joints(self%velocity_joints, need, self%pose, self%f, terms)
             if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, self%formulas, &
                 self%coordinates, terms)
-            if (size(self%turning_groups) > 0) call evaluate_norms(self%turning_groups, need, self%n, q, qd, terms)
+            if (size(self%rotating_groups) > 0) call evaluate_norms(self%rotating_groups, need, self%n, q, qd, terms)
             do i = 1, self%n_turning_alone
                 k = self%before_norms + i
                 associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn_column)
@@ -558,7 +558,7 @@ contains
         if (iand(need, need_mass) /= 0) then
             ! In a compressed M every entry that may be nonzero is set again.
             if (.not. terms%is_compressed) terms%mass = 0.0_wp
-            if (size(self%turning_groups) > 0) call set_masses(self%turning_groups, self%n, size(terms%mass, 2), q, terms%mass)
+            if (size(self%rotating_groups) > 0) call set_masses(self%rotating_groups, self%n, size(terms%mass, 2), q, terms%mass)
             do i = 1, size(self%alone)
                 k = self%alone(i)
                 if (self%planar .or. .not. self%bodies(k)%turns) then
@@ -577,7 +577,7 @@ contains
         do i = 1, self%n
             terms%force(i) = self%weight(i)
         end do
-        if (size(self%turning_groups) > 0) call add_inertia_forces(self%turning_groups, self%n, q, qd, terms%force)
+        if (size(self%rotating_groups) > 0) call add_inertia_forces(self%rotating_groups, self%n, q, qd, terms%force)
         do i = 1, self%n_turning_alone
             call add_gyroscopic(self%bodies(self%turning(i)), self%pose(self%turning(i)), terms%force)
         end do
@@ -601,7 +601,7 @@ contains
             end do
         end associate
         do i = 1, size(self%bodies)
-            call set_place(self%pose(i), q)
+            call set_position(self%pose(i), q)
         end do
     end subroutine set_places
 
@@ -659,11 +659,11 @@ contains
         call set_places(self, q)
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
-            call set_curve(self%pose(i), qdd)
+            call set_accelerations(self%pose(i), qdd)
         end do
-        call set_slides(self%massless_wheels, 0, q, self%pose)
-        call set_slides(self%massless_wheels, 1, qd, self%pose)
-        call set_slides(self%massless_wheels, 2, qdd, self%pose)
+        call set_displacements(self%massless_wheels, 0, q, self%pose)
+        call set_displacements(self%massless_wheels, 1, qd, self%pose)
+        call set_displacements(self%massless_wheels, 2, qdd, self%pose)
         call evaluate_functions(self, t)
     end subroutine set_motion
 
@@ -683,7 +683,7 @@ contains
             value = -dot_product(self%weight, q)
             if (size(self%springs) + size(self%torsions) + size(self%bushings) == 0) return
             call set_places(self, q)
-            call set_slides(self%massless_wheels, 0, q, self%pose)
+            call set_displacements(self%massless_wheels, 0, q, self%pose)
             do i = 1, size(self%springs)
                 value = value + spring_energy(self%springs(i), self%pose)
             end do

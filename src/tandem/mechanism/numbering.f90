@@ -9,7 +9,7 @@ submodule(tandem_mechanism) tandem_mechanism_numbering
     use tandem_mechanism_hinge_group, only: find_hinge_blocks, gather_hinge_groups, place_hinge_groups
     use tandem_mechanism_incidence, only: list_incidence
     use tandem_mechanism_pin, only: find_pin_blocks, gather_pins, place_pins
-    use tandem_mechanism_turning, only: find_norm_blocks, gather_turning, place_turning
+    use tandem_mechanism_rotating_bodies, only: find_norm_blocks, gather_rotating_bodies, store_columns
     implicit none (type, external)
 
 contains
@@ -240,7 +240,7 @@ contains
         integer :: i
 
         call gather_hinges(self%coincidences, self%perpendiculars, self%pose, self%before_norms, self%hinges, &
-            self%loose_coincidences, self%loose_perpendiculars)
+            self%single_coincidences, self%single_perpendiculars)
         allocate (hinges(0))
         if (size(self%hinges) >= many) then
             call move_alloc(self%hinges, hinges)
@@ -249,22 +249,22 @@ contains
         call gather_hinge_groups(hinges, self%pose, self%hinge_groups)
         if (size(self%turning) >= many) then
             self%n_turning_alone = 0
-            call gather_turning(self%turning, self%bodies, self%pose, self%before_norms, self%turning_groups)
+            call gather_rotating_bodies(self%turning, self%bodies, self%pose, self%before_norms, self%rotating_groups)
             self%alone = pack([(i, i=1, size(self%bodies))], self%pose(1:size(self%bodies))%n_turn < 4)
         else
             self%n_turning_alone = size(self%turning)
-            allocate (self%turning_groups(0))
+            allocate (self%rotating_groups(0))
             self%alone = [(i, i=1, size(self%bodies))]
         end if
         call self%angles_of_bodies%gather(self%pose)
         if (self%planar) then
             call gather_pins(self%coincidences, self%pose, self%angles_of_bodies, self%pins)
-            self%loose_coincidences = [integer ::]
+            self%single_coincidences = [integer ::]
         else
             allocate (self%pins(0))
         end if
-        self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%loose_coincidences), &
-            size(self%loose_perpendiculars), &
+        self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%single_coincidences), &
+            size(self%single_perpendiculars), &
             size(self%distances), size(self%angles), size(self%couplings), size(self%knife_edges), size(self%rollers), &
             size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%springs), size(self%torsions), &
             size(self%bushings), size(self%loads)) > 0
@@ -320,7 +320,7 @@ contains
         call place_poses(self)
         call place_hinge_groups(self%pose, self%hinge_groups)
         call place_pins(self%pose, self%pins)
-        call place_turning(self%pose, self%turning_groups)
+        call store_columns(self%pose, self%rotating_groups)
         if (.not. were_there) deallocate (self%pose)
     end procedure set_columns
 
@@ -330,7 +330,7 @@ contains
         self%pattern%in_blocks = spread(.false., 1, self%pattern%n_rows)
         call find_hinge_blocks(self%pattern, self%hinge_groups)
         call find_pin_blocks(self%pattern, self%pins)
-        call find_norm_blocks(self%pattern, self%turning_groups)
+        call find_norm_blocks(self%pattern, self%rotating_groups)
         self%pattern%all_in_blocks = all(self%pattern%in_blocks .or. self%pattern%block_height == 0)
     end procedure note_blocks
 end submodule tandem_mechanism_numbering

@@ -64,7 +64,7 @@ contains
             has_changed = .false.
             do i = 1, size(names)
                 if (is_known(i)) cycle
-                if (expressions(i)%first_not_in(is_known) > 0) cycle
+                if (expressions(i)%first_outside(is_known) > 0) cycle
                 values(i) = expressions(i)%value(values)
                 if (.not. ieee_is_finite(values(i))) then
                     call set_error(error, status_invalid_model, prefix//trim(names(i))//': "'//trim(texts(i))// &
@@ -94,20 +94,20 @@ contains
         ! After as many steps as there are parameters, the walk is in a circle.
         first = findloc(is_known, .false., dim=1)
         do i = 1, size(names)
-            first = expressions(first)%first_not_in(is_known)
+            first = expressions(first)%first_outside(is_known)
         end do
         ! Report the circle from its first parameter in the given order.
         i = first
         do n = 1, size(names)
-            i = expressions(i)%first_not_in(is_known)
+            i = expressions(i)%first_outside(is_known)
             first = min(first, i)
         end do
         text = trim(names(first))
-        i = expressions(first)%first_not_in(is_known)
+        i = expressions(first)%first_outside(is_known)
         n = 1
         do while (i /= first .and. n < longest)
             text = text//' -> '//trim(names(i))
-            i = expressions(i)%first_not_in(is_known)
+            i = expressions(i)%first_outside(is_known)
             n = n + 1
         end do
         if (i /= first) text = text//' -> ...'

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> The basic row of joints: a direction fixed to one body times a vector fixed to a second one,
+!> The basic row of joints: the scalar product of a vector a fixed to one body and a vector d,
 !>     Phi = a.d - c - f(t),  a = A1 a',  d = A2 b'  or  d = r2 + A2 s' - r1.
-!> With a direction of the second body for d the row keeps an angle at 90 degrees; with the vector to one of its points it
-!> constrains the coordinate of this point along a.
+!> If d is a direction of the second body, the row keeps it at a constant angle to a, usually 90 degrees. If d leads to a point of
+!> the second body, the row constrains the coordinate of this point along a.
 !>
 !> The constant a.(A1 s1') = a'.s1' is included in c.
 module tandem_mechanism_perpendicular
@@ -14,27 +14,27 @@ module tandem_mechanism_perpendicular
     implicit none (type, external)
     private
 
-    public :: perpendicular_type, evaluate_perpendiculars, differentiate_perpendiculars, dot_curve, dot_gradient, dot_second
+    public :: perpendicular_type, evaluate_perpendiculars, differentiate_perpendiculars, set_vectors, dot_gradient, dot_second
 
     type :: perpendicular_type
-        !> The two bodies, 0 for the ground, and the row.
+        !> Bodies, 0 for the ground; row of C.
         integer :: first = 0, second = 0, row = 0
-        !> True if d ends at a point of the second body.
+        !> True if d leads to a point of the second body.
         logical :: is_point = .false.
-        !> a' in the frame of the first body; b' or s' in that of the second.
+        !> a' in the frame of the first body; b' or s' in the frame of the second.
         real(wp) :: a(3) = 0.0_wp, b(3) = 0.0_wp
         real(wp) :: c = 0.0_wp
-        !> Number of f, 0 for none.
+        !> Index of the function f, 0 if none.
         integer :: motion = 0
     end type perpendicular_type
 
-    !> binomial(i, k) = k over i.
+    !> binomial(i, k) is the binomial coefficient k over i.
     real(wp), parameter :: binomial(0:2, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, &
         1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
 
 contains
 
-    !> Add the terms of every row. Other entries of the Jacobian are zero on entry.
+    !> Add the terms of rows. Other entries of the Jacobian are zero on entry.
     pure subroutine evaluate_perpendiculars(numbers, perpendiculars, need, pose, f, terms)
         !> Indices of the rows to evaluate.
         integer, intent(in) :: numbers(:)
@@ -118,11 +118,11 @@ contains
         if (perpendicular%motion > 0) gamma = gamma - f(2, perpendicular%motion)
     end subroutine set_gamma
 
-    !> a and d with their derivatives along the motion.
-    pure subroutine dot_curve(perpendicular, pose, last, a, d)
+    !> Set a and d with their derivatives along the motion.
+    pure subroutine set_vectors(perpendicular, pose, last, a, d)
         type(perpendicular_type), intent(in) :: perpendicular
         type(pose_type), intent(in) :: pose(0:)
-        !> Highest required derivative, 0 to 2.
+        !> Highest derivative, 0 to 2.
         integer, intent(in) :: last
         real(wp), intent(inout) :: a(3, 0:2), d(3, 0:2)
         integer :: k
@@ -132,13 +132,13 @@ contains
             d(:, k) = turned(pose(perpendicular%second), k, perpendicular%b)
             if (perpendicular%is_point) d(:, k) = d(:, k) + pose(perpendicular%second)%r(:, k) - pose(perpendicular%first)%r(:, k)
         end do
-    end subroutine dot_curve
+    end subroutine set_vectors
 
-    !> The gradient of a.d with its derivatives along the motion.
+    !> Gradient of a.d with its derivatives along the motion.
     pure subroutine dot_gradient(perpendicular, pose, last, a, d, gradient)
         type(perpendicular_type), intent(in) :: perpendicular
         type(pose_type), intent(in) :: pose(0:)
-        !> Highest required derivative, 0 to 2.
+        !> Highest derivative, 0 to 2.
         integer, intent(in) :: last
         real(wp), intent(in) :: a(3, 0:2), d(3, 0:2)
         real(wp), intent(inout) :: gradient(n_local, 0:2)
@@ -159,7 +159,7 @@ contains
         end do
     end subroutine dot_gradient
 
-    !> The second gradient of a.d.
+    !> Second gradient of a.d.
     pure subroutine dot_second(perpendicular, pose, a, d, second)
         type(perpendicular_type), intent(in) :: perpendicular
         type(pose_type), intent(in) :: pose(0:)
@@ -190,7 +190,7 @@ contains
         second(turn_1 + 1:turn_1 + 4, place_2 + 1:place_2 + 3) = transpose(b_1)
     end subroutine dot_second
 
-    !> Add the gradient blocks of every row.
+    !> Add the requested gradient blocks of rows.
     pure subroutine differentiate_perpendiculars(perpendiculars, need, pose, lambda, derivatives)
         type(perpendicular_type), intent(in) :: perpendiculars(:)
         integer, intent(in) :: need
@@ -201,7 +201,7 @@ contains
         integer :: i
 
         do i = 1, size(perpendiculars)
-            call dot_curve(perpendiculars(i), pose, 2, a, d)
+            call set_vectors(perpendiculars(i), pose, 2, a, d)
             call dot_gradient(perpendiculars(i), pose, 2, a, d, gradient)
             call dot_second(perpendiculars(i), pose, a, d, second)
             call put_holonomic(need, perpendiculars(i)%row, columns(pose(perpendiculars(i)%first), &

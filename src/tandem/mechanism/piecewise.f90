@@ -1,51 +1,51 @@
 ! SPDX-License-Identifier: MIT
-!> Expressions with kinks that depend on time only: the times of these kinks, and the smooth piece between two of them that is kept
-!> while a step is within it. The state decides the side of all other kinks.
+!> Expressions with kinks that depend only on time: finds the times of these kinks, and selects the smooth piece that is used while
+!> a step lies within it. All other kinks take the side that belongs to the state.
 module tandem_mechanism_piecewise
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_expression_code, only: max_slots
-    use tandem_mechanism_interval, only: common_part, interval_type
+    use tandem_mechanism_interval, only: intersection, interval_type
     use tandem_status, only: status_invalid_model
     implicit none (type, external)
     private
 
     public :: piecewise_type
 
-    !> An expression; for each kink true if it depends on time only, and its side.
+    !> An expression; for each kink, true if it depends only on time, and its selected side.
     type :: piecewise_type
         type(expression_type) :: expression
-        !> Index of the variable that is the time; 0 if none.
+        !> Index of the time among the variables, 0 if it does not occur.
         integer :: time = 0
-        !> Highest place of a variable that occurs, or of the time.
+        !> Largest index of a variable that occurs, or of the time.
         integer :: n_variables = 0
         logical, allocatable :: is_timed(:)
         integer, allocatable :: sides(:)
-        !> Parts that depend on time only, see `expression_type`.
+        !> Parts that depend only on time, see `expression_type`.
         integer, allocatable :: parts(:)
-        !> True if sides are fixed; true if all sides are.
-        logical :: holds = .false., holds_all = .false.
-        !> Times between which the parts are monotonic, so that no step misses a value; length of the next examined time, and number
-        !> of steps before it.
-        real(wp), private :: clear(2) = [huge(1.0_wp), -huge(1.0_wp)], examined = 0.0_wp
+        !> True if a smooth piece is selected; true if this determines the sides of all kinks.
+        logical :: is_selected = .false., all_selected = .false.
+        !> Interval in which all parts are monotonic, so that no step can miss a variation; length of the next interval to be
+        !> examined; number of steps to wait after a failure, and number that remains.
+        real(wp), private :: monotonic_interval(2) = [huge(1.0_wp), -huge(1.0_wp)], next_length = 0.0_wp
         integer, private :: n_waits = 0, n_left = 0
     contains
-        procedure :: initialize, find_kinks, hides, hold, evaluate_value
+        procedure :: initialize, find_kinks, hides, select_piece, evaluate_value
         procedure :: evaluate_gradient, evaluate_along, evaluate_gradient_along
         procedure, private :: current_sides
     end type piecewise_type
 
-    !> Largest number of halvings of a part with a kink.
+    !> Largest number of bisections of an interval that contains a kink.
     integer, parameter :: n_halvings = 80
 
 contains
 
-    !> Store an expression.
+    !> Construct from an expression.
     subroutine initialize(self, expression, time)
         class(piecewise_type), intent(out) :: self
         type(expression_type), intent(in) :: expression
-        !> Index of the variable that is the time; 0 if none.
+        !> Index of the time among the variables, 0 if it does not occur.
         integer, intent(in) :: time
         type(expression_type) :: copy
         integer, allocatable :: used(:)
@@ -68,24 +68,25 @@ contains
         end do
     end subroutine initialize
 
-    !> Times of the kinks within an interval, unsorted, and the lowest derivative that jumps there: every change of sign of the
-    !> argument of a kink. The interval is halved until, by bounds from interval arithmetic, each argument in each part keeps its
-    !> sign, is monotonic, or is zero up to rounding; then its signs at the ends of parts give the kinks. The search ends early
+    !> Find all kinks within an interval, unsorted, with the lowest derivative that jumps at each. A kink is a change of sign of its
+    !> argument. The interval is subdivided until bounds from interval arithmetic show for each argument that it keeps its sign, is
+    !> monotonic, or vanishes up to rounding. Its signs at the ends of the subintervals then give the kinks. The search ends early
     !> after many kinks or much work.
     subroutine find_kinks(self, from, to, places, orders, error)
         class(piecewise_type), intent(in) :: self
-        !> Interval without its ends; on return `to` is the end of the searched part.
+        !> Interval, excluding its ends. On return `to` is the end of the searched interval.
         real(wp), intent(in) :: from
         real(wp), intent(inout) :: to
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
         !> Set if kinks are too close to be distinguished.
         type(error_type), allocatable, intent(out) :: error
-        !> The search ends after so many kinks or parts as soon as signs are certain, or a little later.
-        integer, parameter :: enough = 512, much = 20000, later = 64
-        !> Largest number of adjacent parts of the smallest possible width.
+        !> Numbers of kinks and of subintervals at which the search ends once all signs are known, and number of subintervals that
+        !> it may take longer.
+        integer, parameter :: most_kinks = 512, most_intervals = 20000, most_extra = 64
+        !> Largest number of adjacent subintervals of the smallest possible length.
         integer, parameter :: most_narrow = 64
-        !> Right ends of the parts that remain to be searched.
+        !> Ends of the subintervals that remain to be searched.
         real(wp) :: ends(200), left, right, middle, of_sign(size(self%is_timed))
         integer :: signs(size(self%is_timed)), n, n_parts, n_narrow, n_late, k
         logical :: is_narrow
@@ -124,9 +125,9 @@ contains
             call compare_signs()
             left = right
             n = n - 1
-            if (size(places) < enough .and. n_parts < much) cycle
+            if (size(places) < most_kinks .and. n_parts < most_intervals) cycle
             n_late = n_late + 1
-            if (all(signs /= 0 .or. .not. self%is_timed) .or. n_late > later) exit
+            if (all(signs /= 0 .or. .not. self%is_timed) .or. n_late > most_extra) exit
         end do
         to = left
 
@@ -153,13 +154,13 @@ contains
         end subroutine compare_signs
     end subroutine find_kinks
 
-    !> True if each argument of a kink that depends on time only keeps its sign within an interval, is monotonic there, or is zero
+    !> True if each argument of a kink that depends only on time keeps its sign within an interval, is monotonic there, or vanishes
     !> throughout up to rounding.
     pure logical function is_simple(self, left, right)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: left, right
-        !> Largest ratio, due to rounding, of the width of bounds to that at one point.
-        real(wp), parameter :: little = 4.0_wp
+        !> Ratio of the width of bounds over an interval to the width at one point below which rounding errors dominate.
+        real(wp), parameter :: rounding_ratio = 4.0_wp
         type(interval_type), dimension(size(self%is_timed)) :: arguments, rates, middle
         integer :: k
 
@@ -169,15 +170,15 @@ contains
             if (.not. self%is_timed(k)) cycle
             if (arguments(k)%low > 0.0_wp .or. arguments(k)%high < 0.0_wp) cycle
             if (rates(k)%low > 0.0_wp .or. rates(k)%high < 0.0_wp) cycle
-            if (arguments(k)%low >= little*middle(k)%low .and. arguments(k)%high <= little*middle(k)%high) cycle
-            ! The argument does not exist.
+            if (arguments(k)%low >= rounding_ratio*middle(k)%low .and. arguments(k)%high <= rounding_ratio*middle(k)%high) cycle
+            ! The argument does not exist here.
             if (.not. arguments(k)%low <= arguments(k)%high) cycle
             is_simple = .false.
             return
         end do
     end function is_simple
 
-    !> Signs of the arguments at a time; zero within rounding, and for arguments that depend on other variables.
+    !> Signs of the arguments at a time; zero within rounding errors, and for arguments that depend on other variables.
     pure subroutine find_signs(self, t, signs)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -189,22 +190,22 @@ contains
             merge(1, 0, self%is_timed .and. arguments%high < 0.0_wp)
     end subroutine find_signs
 
-    !> True if the parts that depend on time only take values between two times that are far from the values that a step samples,
-    !> such as a pulse narrower than the step. A step may sample such a value by chance, so each of two groups of times must reach
-    !> the bounds of interval arithmetic. No value is missed while the parts are monotonic, which is examined for many steps at
-    !> once.
+    !> True if parts that depend only on time take values between two times that are far from all values that a step samples, such
+    !> as a pulse that is shorter than the step. Two groups of sample times are used, and each must come close to the bounds of
+    !> interval arithmetic, because a step may sample such a value by chance. No check is needed while all parts are monotonic,
+    !> which is examined for many steps at once.
     logical function hides(self, from, to, between, rates)
         class(piecewise_type), intent(inout) :: self
         !> Two times within the current smooth piece.
         real(wp), intent(in) :: from, to
-        !> True if the step evaluates at times between its ends; true if derivatives count too.
+        !> True if the step evaluates at times between its ends; true if the derivatives are checked too.
         logical, intent(in) :: between, rates
-        !> The two groups besides the ends, as parts of the step.
-        real(wp), parameter :: looks(3, 2) = reshape([0.5_wp, 0.29_wp, 0.77_wp, 0.62_wp, 0.13_wp, 0.91_wp], [3, 2])
-        !> Largest number of parts of the step that are examined more closely.
-        integer, parameter :: most = 40
-        !> Of fixed size, because a step allocates nothing: values of the parts, then their derivatives.
-        type(interval_type), dimension(2*max_slots) :: now, at_ends, seen, allowed
+        !> Sample times of both groups in addition to the ends, as fractions of the step.
+        real(wp), parameter :: sample_times(3, 2) = reshape([0.5_wp, 0.29_wp, 0.77_wp, 0.62_wp, 0.13_wp, 0.91_wp], [3, 2])
+        !> Largest number of subintervals that are examined.
+        integer, parameter :: most_searches = 40
+        !> Values of the parts, followed by their derivatives. Fixed sizes avoid allocation in a step.
+        type(interval_type), dimension(2*max_slots) :: now, at_ends, sampled, allowed
         integer :: i, j, k, m, n
 
         hides = .false.
@@ -214,35 +215,35 @@ contains
         call examine(self, from, to - from, rates)
         if (is_clear(self, from, to)) return
         n = merge(2*m, m, rates)
-        call take_values(self, from, at_ends)
-        call take_values(self, to, now)
+        call get_values(self, from, at_ends)
+        call get_values(self, to, now)
         call include(at_ends(:n), now(:n))
-        allowed(:n) = around(at_ends(:n))
+        allowed(:n) = widen(at_ends(:n))
         if (.not. violation(from, to) > 0.0_wp) return
-        do j = 1, merge(size(looks, 2), 0, between)
-            seen(:n) = at_ends(:n)
-            do i = 1, size(looks, 1)
-                call take_values(self, from + looks(i, j)*(to - from), now)
-                call include(seen(:n), now(:n))
+        do j = 1, merge(size(sample_times, 2), 0, between)
+            sampled(:n) = at_ends(:n)
+            do i = 1, size(sample_times, 1)
+                call get_values(self, from + sample_times(i, j)*(to - from), now)
+                call include(sampled(:n), now(:n))
             end do
             do k = 1, n
-                if (j == 1) allowed(k) = around(seen(k))
-                if (j > 1) allowed(k) = common_part(allowed(k), around(seen(k)))
+                if (j == 1) allowed(k) = widen(sampled(k))
+                if (j > 1) allowed(k) = intersection(allowed(k), widen(sampled(k)))
             end do
         end do
         if (violation(from, to) > 0.0_wp) call search()
 
     contains
 
-        !> Excess of bounds over the allowed ones, relative to the allowed ones.
+        !> Largest excess of the bounds within a subinterval over the allowed range, relative to the width of this range.
         real(wp) function violation(left, right)
             real(wp), intent(in) :: left, right
 
-            call take_bounds(self, left, right, now(:m), now(m + 1:2*m))
+            call get_bounds(self, left, right, now(:m), now(m + 1:2*m))
             violation = largest_excess()
         end function violation
 
-        !> Largest excess of the current values or bounds.
+        !> Largest excess of the current values or bounds over the allowed range, relative to the width of this range.
         real(wp) function largest_excess()
             real(wp) :: excess
 
@@ -253,22 +254,22 @@ contains
             end do
         end function largest_excess
 
-        !> Search for an unsampled value, in the part with the widest bounds first, until bounds exclude one.
+        !> Search for a value outside of the allowed range, first in subintervals with the largest excess, until bounds exclude one.
         subroutine search()
-            real(wp) :: places(2, most + 1), violations(2), middle, left, right
+            real(wp) :: places(2, most_searches + 1), violations(2), middle, left, right
             integer :: n_places, n_halvings, first
 
             n_places = 1
             places(:, 1) = [from, to]
-            do n_halvings = 1, most
+            do n_halvings = 1, most_searches
                 if (n_places == 0) return
                 left = places(1, n_places)
                 right = places(2, n_places)
                 middle = left + (right - left)/2
                 n_places = n_places - 1
                 if (.not. (middle > left .and. middle < right)) cycle
-                ! A value that does not exist, as at a pole, is left to the step.
-                call take_values(self, middle, now)
+                ! Values that do not exist, as at a pole, are detected by the step itself.
+                call get_values(self, middle, now)
                 hides = largest_excess() > 0.0_wp .and. all(abs(now(:n)%low) <= huge(middle))
                 if (hides) return
                 violations = [violation(left, middle), violation(middle, right)]
@@ -285,16 +286,17 @@ contains
         end subroutine search
     end function hides
 
-    !> True if the parts are known to be monotonic between two times.
+    !> True if all parts are known to be monotonic between two times.
     pure logical function is_clear(self, from, to)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: from, to
 
-        is_clear = from >= self%clear(1) .and. to <= self%clear(2)
+        is_clear = from >= self%monotonic_interval(1) .and. to <= self%monotonic_interval(2)
     end function is_clear
 
-    !> Examine the parts from a time on, for twice as long a time after success and a quarter after failure. After a failure some
-    !> steps pass before the next attempt, which limits the work if functions are never monotonic within a step.
+    !> Examine whether the parts are monotonic in an interval that begins at a time. Its length is doubled after success and divided
+    !> by four after failure. After a failure some steps pass before the next attempt, which limits the work for functions that are
+    !> never monotonic within a step.
     subroutine examine(self, from, step, rates)
         class(piecewise_type), intent(inout) :: self
         real(wp), intent(in) :: from, step
@@ -302,7 +304,7 @@ contains
         logical, intent(in) :: rates
         integer, parameter :: most_waits = 15
         real(wp), parameter :: most_steps = 1000.0_wp
-        !> Of fixed size, because a step allocates nothing.
+        !> Fixed sizes avoid allocation in a step.
         type(interval_type), dimension(max_slots) :: values, slopes, curvatures
         logical :: is_monotonic
         integer :: m
@@ -312,31 +314,31 @@ contains
             self%n_left = self%n_left - 1
             return
         end if
-        self%examined = min(max(self%examined, step), most_steps*step)
+        self%next_length = min(max(self%next_length, step), most_steps*step)
         do
             if (rates) then
-                call take_bounds(self, from, from + self%examined, values(:m), slopes(:m), curvatures(:m))
+                call get_bounds(self, from, from + self%next_length, values(:m), slopes(:m), curvatures(:m))
             else
-                call take_bounds(self, from, from + self%examined, values(:m), slopes(:m))
+                call get_bounds(self, from, from + self%next_length, values(:m), slopes(:m))
             end if
             is_monotonic = all(slopes(:m)%low >= 0.0_wp .or. slopes(:m)%high <= 0.0_wp)
             if (rates) is_monotonic = is_monotonic .and. &
                 all(curvatures(:m)%low >= 0.0_wp .or. curvatures(:m)%high <= 0.0_wp)
             if (is_monotonic) then
-                self%clear = [from, from + self%examined]
-                self%examined = 2*self%examined
+                self%monotonic_interval = [from, from + self%next_length]
+                self%next_length = 2*self%next_length
                 self%n_waits = 0
                 return
             end if
-            if (.not. self%examined > step) exit
-            self%examined = max(self%examined/4, step)
+            if (.not. self%next_length > step) exit
+            self%next_length = max(self%next_length/4, step)
         end do
         self%n_waits = min(2*self%n_waits + 1, most_waits)
         self%n_left = self%n_waits
     end subroutine examine
 
-    !> Values of the parts that depend on time only at one time, then their derivatives.
-    pure subroutine take_values(self, t, values)
+    !> Values at a time of the parts that depend only on time, followed by their derivatives.
+    pure subroutine get_values(self, t, values)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: t
         type(interval_type), intent(inout) :: values(:)
@@ -344,30 +346,30 @@ contains
         integer :: m
 
         m = size(self%parts)
-        if (self%holds) then
+        if (self%is_selected) then
             call self%expression%evaluate_parts(self%time, self%parts, t, now(:m), now(m + 1:2*m), self%sides)
         else
             call self%expression%evaluate_parts(self%time, self%parts, t, now(:m), now(m + 1:2*m))
         end if
         values(:2*m)%low = now(:2*m)
         values(:2*m)%high = now(:2*m)
-    end subroutine take_values
+    end subroutine get_values
 
-    !> Bounds of values and derivatives of the parts between two times.
-    pure subroutine take_bounds(self, left, right, values, rates, curvatures)
+    !> Bounds of the parts and of their derivatives between two times.
+    pure subroutine get_bounds(self, left, right, values, rates, curvatures)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: left, right
         type(interval_type), intent(out) :: values(:), rates(:)
         type(interval_type), intent(out), optional :: curvatures(:)
 
-        if (self%holds) then
+        if (self%is_selected) then
             call self%expression%enclose_parts(self%time, self%parts, left, right, values, rates, self%sides, curvatures)
         else
             call self%expression%enclose_parts(self%time, self%parts, left, right, values, rates, curvatures=curvatures)
         end if
-    end subroutine take_bounds
+    end subroutine get_bounds
 
-    !> Widen a range by another one.
+    !> Extend a range so that it contains another one.
     elemental subroutine include(range, other)
         type(interval_type), intent(inout) :: range
         type(interval_type), intent(in) :: other
@@ -375,26 +377,26 @@ contains
         range = interval_type(min(range%low, other%low), max(range%high, other%high))
     end subroutine include
 
-    !> Range of values close to a range.
-    elemental type(interval_type) function around(range)
+    !> A range that is extended by a margin on both sides.
+    elemental type(interval_type) function widen(range)
         type(interval_type), intent(in) :: range
-        !> Margin in widths of the range; margin for rounding.
-        real(wp), parameter :: beyond = 2.0_wp, rounding = 1.0e-9_wp, smallest = 1.0e-200_wp
+        !> Margin relative to the width of the range, relative to its magnitude, and absolute.
+        real(wp), parameter :: relative_margin = 2.0_wp, rounding = 1.0e-9_wp, smallest = 1.0e-200_wp
         real(wp) :: margin
 
-        margin = beyond*(range%high - range%low) + rounding*max(abs(range%low), abs(range%high)) + smallest
-        around = interval_type(range%low - margin, range%high + margin)
-    end function around
+        margin = relative_margin*(range%high - range%low) + rounding*max(abs(range%low), abs(range%high)) + smallest
+        widen = interval_type(range%low - margin, range%high + margin)
+    end function widen
 
-    !> Argument of a kink and its rate.
-    pure subroutine look(self, k, t, value, rate)
+    !> Argument of a kink, and its rate, at a time.
+    pure subroutine evaluate_argument(self, k, t, value, rate)
         class(piecewise_type), intent(in) :: self
         integer, intent(in) :: k
         real(wp), intent(in) :: t
         real(wp), intent(out) :: value, rate
         real(wp) :: values(size(self%is_timed)), rates(size(self%is_timed)), x(self%n_variables), v(self%n_variables)
 
-        ! This kink depends on time only.
+        ! Other variables are irrelevant, because this kink depends only on time.
         x = 0.0_wp
         v = 0.0_wp
         x(self%time) = t
@@ -402,28 +404,28 @@ contains
         call self%expression%evaluate_kinks(x, v, values, rates)
         value = values(k)
         rate = rates(k)
-    end subroutine look
+    end subroutine evaluate_argument
 
-    !> Zero of the argument.
-    pure real(wp) function zero_between(self, k, from_here, to_there, at_first)
+    !> Time at which the argument of a kink vanishes, between two times at which it has different signs.
+    pure real(wp) function zero_between(self, k, left, right, left_value)
         class(piecewise_type), intent(in) :: self
         integer, intent(in) :: k
-        real(wp), intent(in) :: from_here, to_there, at_first
+        real(wp), intent(in) :: left, right, left_value
         real(wp) :: low, high, value, rate, guess
         integer :: halving
 
-        low = from_here
-        high = to_there
+        low = left
+        high = right
         zero_between = (low + high)/2
         do halving = 1, n_halvings
-            call look(self, k, zero_between, value, rate)
+            call evaluate_argument(self, k, zero_between, value, rate)
             if (.not. abs(value) > 0.0_wp) return
-            if (value*at_first > 0.0_wp) then
+            if (value*left_value > 0.0_wp) then
                 low = zero_between
             else
                 high = zero_between
             end if
-            ! Take Newton's step if it stays inside, which is exact for linear arguments.
+            ! Use Newton's step, which is exact for linear arguments, if it remains inside the bracket.
             guess = zero_between - value/rate
             if (.not. (guess > low .and. guess < high) .or. mod(halving, 4) == 0) guess = (low + high)/2
             if (.not. (guess > low .and. guess < high)) return
@@ -432,7 +434,7 @@ contains
     end function zero_between
 
     !> Select the smooth piece around a time, which is not a kink.
-    pure subroutine hold(self, t)
+    pure subroutine select_piece(self, t)
         class(piecewise_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp) :: x(self%n_variables), v(self%n_variables)
@@ -445,19 +447,19 @@ contains
         v(self%time) = 1.0_wp
         call self%expression%find_sides(x, v, sides)
         where (self%is_timed) self%sides = sides
-        self%holds = .true.
-        self%holds_all = all(self%is_timed)
-        self%clear = [huge(t), -huge(t)]
-    end subroutine hold
+        self%is_selected = .true.
+        self%all_selected = all(self%is_timed)
+        self%monotonic_interval = [huge(t), -huge(t)]
+    end subroutine select_piece
 
-    !> Sides of all kinks: those of the state, and fixed ones.
+    !> Sides of all kinks: the selected ones, and those that belong to the state.
     pure function current_sides(self, x) result(sides)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: x(:)
         integer :: sides(size(self%is_timed))
         real(wp) :: v(size(x))
 
-        if (self%holds_all) then
+        if (self%all_selected) then
             sides = self%sides
         else
             v = 0.0_wp
@@ -469,10 +471,10 @@ contains
     !> The value.
     pure real(wp) function evaluate_value(self, x) result(value)
         class(piecewise_type), intent(in) :: self
-        !> The variables.
+        !> Values of the variables.
         real(wp), intent(in) :: x(:)
 
-        if (self%holds) then
+        if (self%is_selected) then
             value = self%expression%value(x, self%current_sides(x))
         else
             value = self%expression%value(x)
@@ -485,7 +487,7 @@ contains
         real(wp), intent(in) :: x(:)
         real(wp), intent(out) :: value, gradient(:)
 
-        if (self%holds) then
+        if (self%is_selected) then
             call self%expression%evaluate_gradient(x, value, gradient, self%current_sides(x))
         else
             call self%expression%evaluate_gradient(x, value, gradient)
@@ -498,20 +500,20 @@ contains
         real(wp), intent(in) :: x(:), v(:)
         real(wp), intent(out) :: value, first, second
 
-        if (self%holds) then
+        if (self%is_selected) then
             call self%expression%evaluate_along(x, v, value, first, second, self%current_sides(x))
         else
             call self%expression%evaluate_along(x, v, value, first, second)
         end if
     end subroutine evaluate_along
 
-    !> Value, derivative along a direction, gradient, and its derivative along it.
+    !> Value, derivative along a direction, gradient, and derivative of the gradient along the direction.
     pure subroutine evaluate_gradient_along(self, x, v, value, first, gradient, gradient_along)
         class(piecewise_type), intent(in) :: self
         real(wp), intent(in) :: x(:), v(:)
         real(wp), intent(out) :: value, first, gradient(:), gradient_along(:)
 
-        if (self%holds) then
+        if (self%is_selected) then
             call self%expression%evaluate_gradient_along(x, v, value, first, gradient, gradient_along, self%current_sides(x))
         else
             call self%expression%evaluate_gradient_along(x, v, value, first, gradient, gradient_along)

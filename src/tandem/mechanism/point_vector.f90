@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> The vector d = r2 + A2 s2' - r1 - A1 s1' from a point of one body to a point of another: rows d = 0 of coincident points (two or
-!> three, along the world's axes); row (d.d - l(t)^2)/(2 w) = 0 of a distance, w a length that makes the multiplier a force; and the
-!> length |d| of springs.
+!> The vector d = r2 + A2 s2' - r1 - A1 s1' from a point of one body to a point of another. It gives the rows d = 0 of coincident
+!> points (two or three, along the world axes), the row (d.d - l(t)^2)/(2 w) = 0 of a distance, where w is a length so that the
+!> multiplier is a force, and the length |d| of springs.
 module tandem_mechanism_point_vector
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: columns, columns_of_c, n_local, place_1, place_2, put_holonomic, put_row, turn_1, turn_2
@@ -15,11 +15,11 @@ module tandem_mechanism_point_vector
     public :: evaluate_coincidences, differentiate_coincidences, evaluate_distances, differentiate_distances
 
     type :: point_vector_type
-        !> Bodies, 0 for the ground, and (first) row.
+        !> Bodies, 0 for the ground; first row of C.
         integer :: first = 0, second = 0, row = 0
-        !> Points, each in the frame of its body.
+        !> Points s1' and s2', each in the frame of its own body.
         real(wp) :: s1(3) = 0.0_wp, s2(3) = 0.0_wp
-        !> Length, and index of the function that replaces it, 0 if none; w.
+        !> Distance l, and index of the function of time that gives it, 0 if it is constant; w.
         real(wp) :: length = 0.0_wp, weight = 1.0_wp
         integer :: motion = 0
     end type point_vector_type
@@ -40,12 +40,12 @@ contains
             turned(pose(vector%first), k, vector%s1)
     end function vector_between
 
-    !> Gradient of d.d/2 with its derivatives along the motion, up to `last`.
+    !> Gradient of d.d/2, with derivatives along the motion up to order `last`.
     pure subroutine vector_gradient(vector, pose, last, d, gradient)
         type(point_vector_type), intent(in) :: vector
         type(pose_type), intent(in) :: pose(0:)
         integer, intent(in) :: last
-        !> d with its derivatives.
+        !> d, with derivatives along the motion.
         real(wp), intent(in) :: d(3, 0:last)
         real(wp), intent(out) :: gradient(n_local, 0:last)
         integer :: k, l
@@ -63,7 +63,7 @@ contains
         end do
     end subroutine vector_gradient
 
-    !> Second gradient of d.d/2, d_q' d_q + d.d_qq.
+    !> Second gradient of d.d/2: d_q'd_q + d.d_qq.
     pure subroutine vector_second(vector, pose, d, second)
         type(point_vector_type), intent(in) :: vector
         type(pose_type), intent(in) :: pose(0:)
@@ -91,9 +91,9 @@ contains
         end associate
     end subroutine vector_second
 
-    !> Coincident points in space: three rows.
+    !> Add the terms of coincident points in space, three rows each.
     pure subroutine evaluate_coincidences(numbers, coincidences, need, pose, terms)
-        !> Indices of the rows to evaluate.
+        !> Indices of the coincident points to evaluate.
         integer, intent(in) :: numbers(:)
         type(point_vector_type), intent(in) :: coincidences(:)
         integer, intent(in) :: need
@@ -129,11 +129,11 @@ contains
         end do
     end subroutine evaluate_coincidences
 
-    !> Set the columns of one end of d.
+    !> Set the columns of the body at one end of d.
     pure subroutine put_end(pose, s, sign, row, m, width, jacobian)
         type(pose_type), intent(in) :: pose
         real(wp), intent(in) :: s(3), sign
-        !> First row, and shape of the stored C, which may be compressed.
+        !> First row; shape of the stored C, which may be compressed.
         integer, intent(in) :: row, m, width
         real(wp), intent(inout) :: jacobian(m, width)
         real(wp) :: b(3, 4)
@@ -183,7 +183,7 @@ contains
         end do
     end subroutine differentiate_coincidences
 
-    !> Given distances.
+    !> Add the terms of distances.
     pure subroutine evaluate_distances(distances, need, pose, f, terms)
         type(point_vector_type), intent(in) :: distances(:)
         integer, intent(in) :: need

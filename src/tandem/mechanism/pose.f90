@@ -1,10 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Pose of a body and its change: position and rotation with their first and second derivatives along a motion, set once per point
-!> and used by every element on the body.
+!> Pose of a body: position and rotation with their first and second derivatives along a motion. It is set once per point and used
+!> by all elements on the body.
 !>
-!> Planar and spatial bodies have the same interface: vectors have three components (the third is zero in the plane), and a rotation
-!> has one or four coordinates. Everything that depends on this number is here: A a, its gradient with respect to these coordinates,
-!> and its second gradient. The ground has no coordinates, and a point mass has none for a rotation.
+!> Planar and spatial bodies have the same interface. Vectors have three components, the third of which is zero in the plane. A
+!> rotation has one coordinate in the plane and four in space; only this module depends on the number. It provides A a, its gradient
+!> with respect to the coordinates of the rotation, and its second gradient. The ground has no coordinates, and a point mass has no
+!> rotation.
 module tandem_mechanism_pose
     use tandem_kinds, only: wp
     use tandem_rigid_euler_parameters, only: b_matrix, b_row, k_matrix, rotation, rotation_rate, set_rotation, &
@@ -12,21 +13,23 @@ module tandem_mechanism_pose
     implicit none (type, external)
     private
 
-    public :: pose_type, turn, turned, set_angle, set_place, set_rates, set_curve, gradient_of, gradient_matrix, second_gradient
+    public :: pose_type, turn, turned, gradient_of, gradient_matrix, second_gradient
+    public :: set_angle, set_position, set_rates, set_accelerations
 
-    !> Pose of a body; by default that of the ground.
+    !> Pose of a body; the default is the pose of the ground.
     type :: pose_type
         !> Numbers of coordinates of the position (0, 2 or 3) and of the rotation (0, 1 or 4).
         integer :: n_place = 0, n_turn = 0
-        !> First column of each, 0 if none.
+        !> First columns of the position and of the rotation, 0 if none.
         integer :: place = 0, turn = 0
-        !> First columns in the stored C, which may be compressed; first columns in M, and distance of the columns of the position.
+        !> First columns in the stored C, which may be compressed. First columns in the stored M, and distance between the columns
+        !> of the position there.
         integer :: place_column = 0, turn_column = 0, place_mass = 0, turn_mass = 0, mass_step = 1
-        !> True if the rotation matrix is that of the Euler parameters.
+        !> True if A belongs to the current Euler parameters.
         logical :: has_turn = .false.
-        !> Position; angle or Euler parameters; with first and second derivatives.
+        !> Position; angle or Euler parameters; each with its first and second derivative.
         real(wp) :: r(3, 0:2) = 0.0_wp, p(4, 0:2) = 0.0_wp
-        !> Rotation from the body to the world, with first and second derivatives.
+        !> Rotation matrix A from the body frame to the world frame, with its first and second derivative.
         real(wp) :: a(3, 3, 0:2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, &
             0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, &
             0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 3, 3])
@@ -43,9 +46,9 @@ contains
         call set_plane(self%a(:, :, 0), c, s)
     end subroutine set_angle
 
-    !> Set the pose at q, except angles in the plane. The rotation is kept if its parameters are unchanged, because several sets of
-    !> terms are evaluated at one point.
-    pure subroutine set_place(self, q)
+    !> Set the pose at q, except for angles in the plane. The rotation matrix is not recomputed if the Euler parameters are
+    !> unchanged, because several sets of terms are evaluated at one point.
+    pure subroutine set_position(self, q)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: q(:)
 
@@ -59,8 +62,8 @@ contains
         end if
         if (self%n_turn == 4) then
             associate (p => self%p, turn => self%turn)
-                if (same(p(1, 0), q(turn)) .and. same(p(2, 0), q(turn + 1)) .and. same(p(3, 0), q(turn + 2)) .and. &
-                    same(p(4, 0), q(turn + 3)) .and. self%has_turn) return
+                if (is_equal(p(1, 0), q(turn)) .and. is_equal(p(2, 0), q(turn + 1)) .and. &
+                    is_equal(p(3, 0), q(turn + 2)) .and. is_equal(p(4, 0), q(turn + 3)) .and. self%has_turn) return
                 p(1, 0) = q(turn)
                 p(2, 0) = q(turn + 1)
                 p(3, 0) = q(turn + 2)
@@ -72,22 +75,22 @@ contains
 
     contains
 
-        !> True if two numbers are equal; false for a NaN.
-        pure logical function same(x, y)
+        !> True if two numbers are equal; false for NaN.
+        pure logical function is_equal(x, y)
             real(wp), intent(in) :: x, y
 
-            same = x <= y .and. x >= y
-        end function same
-    end subroutine set_place
+            is_equal = x <= y .and. x >= y
+        end function is_equal
+    end subroutine set_position
 
-    !> Set first derivatives along qd, and second ones for qdd = 0.
+    !> Set first derivatives for qd, and second derivatives for qdd = 0.
     pure subroutine set_rates(self, qd)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: qd(:)
         integer :: i
         real(wp) :: w
 
-        ! A loop of variable length would become two calls.
+        ! Write the two lengths out: loops of variable length would be compiled to calls.
         if (self%n_place == 3) then
             do i = 1, 3
                 self%r(i, 1) = qd(self%place + i - 1)
@@ -105,7 +108,7 @@ contains
                 self%p(i, 2) = 0.0_wp
             end do
             call set_rotation_rate(self%p(:, 0), self%p(:, 1), self%a(:, :, 1))
-            ! A is quadratic in p: the remainder of its second derivative is 2 A(pd), M(pd, pd).
+            ! A is quadratic in p: its second derivative for pdd = 0 is 2 A(pd), which is M(pd, pd).
             call set_rotation_rate(self%p(:, 1), self%p(:, 1), self%a(:, :, 2))
         else if (self%n_turn == 1) then
             w = qd(self%turn)
@@ -116,8 +119,8 @@ contains
         end if
     end subroutine set_rates
 
-    !> Set second derivatives with qdd; the first ones are set.
-    pure subroutine set_curve(self, qdd)
+    !> Add qdd to the second derivatives. The first derivatives are set.
+    pure subroutine set_accelerations(self, qdd)
         type(pose_type), intent(inout) :: self
         real(wp), intent(in) :: qdd(:)
         integer :: i
@@ -138,9 +141,9 @@ contains
                 call set_plane(self%a(:, :, 2), -square*c - w*s, w*c - square*s)
             end associate
         end if
-    end subroutine set_curve
+    end subroutine set_accelerations
 
-    !> [c, -s; s, c] in the plane.
+    !> Rotation matrix in the plane, [c, -s; s, c].
     pure subroutine set_plane(a, c, s)
         real(wp), intent(inout) :: a(3, 3)
         real(wp), intent(in) :: c, s
@@ -151,7 +154,7 @@ contains
         a(2, 2) = c
     end subroutine set_plane
 
-    !> A a, or a derivative of it, for a constant a in the frame of the body.
+    !> A a for a constant vector a in the body frame, or its k-th derivative along the motion.
     pure function turned(self, k, a) result(v)
         type(pose_type), intent(in) :: self
         !> Order of the derivative, 0 for the value.
@@ -164,9 +167,9 @@ contains
         v(3) = self%a(3, 1, k)*a(1) + self%a(3, 2, k)*a(2) + self%a(3, 3, k)*a(3)
     end function turned
 
-    !> m a, in place: the most frequent operation of loops over joints.
+    !> v = m a without temporaries: the most frequent operation on joints.
     pure subroutine turn(m, a, v)
-        !> A rotation or a derivative of it, and a vector in the frame of the body.
+        !> Rotation matrix or its derivative; vector in the body frame.
         real(wp), intent(in) :: m(3, 3), a(3)
         real(wp), intent(out) :: v(3)
 
@@ -175,18 +178,18 @@ contains
         v(3) = m(3, 1)*a(1) + m(3, 2)*a(2) + m(3, 3)*a(3)
     end subroutine turn
 
-    !> n' (A a)_p for a constant n; in the plane only the first entry matters. For k > 0 the k-th derivative of (A a)_p along the
-    !> motion is used.
+    !> n'(A a)_p for a constant n; in the plane only the first entry is used. For k > 0, n' times the k-th derivative of (A a)_p
+    !> along the motion.
     pure function gradient_of(self, k, a, n) result(row)
         type(pose_type), intent(in) :: self
         integer, intent(in) :: k
-        !> In the frame of the body, and in that of the world.
+        !> Vectors in the body frame and in the world frame.
         real(wp), intent(in) :: a(3), n(3)
         real(wp) :: row(4)
 
         select case (self%n_turn)
         case (4)
-            ! Linear in p.
+            ! (A a)_p is linear in p.
             row = b_row(self%p(:, k), a, n)
         case (1)
             row(1) = (self%a(1, 1, k)*a(1) + self%a(1, 2, k)*a(2))*n(2) - (self%a(2, 1, k)*a(1) + self%a(2, 2, k)*a(2))*n(1)
@@ -196,7 +199,7 @@ contains
         end select
     end function gradient_of
 
-    !> (A a)_p (3, 4), or its k-th derivative along the motion; unused columns are zero.
+    !> (A a)_p (3, 4), or its k-th derivative along the motion. Unused columns are zero.
     pure function gradient_matrix(self, k, a) result(b)
         type(pose_type), intent(in) :: self
         integer, intent(in) :: k
@@ -215,7 +218,7 @@ contains
         end if
     end function gradient_matrix
 
-    !> (n' A a)_pp (4, 4), symmetric.
+    !> Second gradient (n'A a)_pp (4, 4), symmetric.
     pure function second_gradient(self, a, n) result(h)
         type(pose_type), intent(in) :: self
         real(wp), intent(in) :: a(3), n(3)

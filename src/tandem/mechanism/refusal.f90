@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Errors of the builder procedures for invalid arguments.
+!> Checks of arguments of builder procedures, and the errors for invalid ones.
 module tandem_mechanism_refusal
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -13,7 +13,7 @@ module tandem_mechanism_refusal
 
 contains
 
-    !> Set the error of an element, with its remedy.
+    !> Set an error with its remedy.
     subroutine refuse(problem, advice, error)
         character(len=*), intent(in) :: problem, advice
         type(error_type), allocatable, intent(inout) :: error
@@ -21,7 +21,7 @@ contains
         call set_error(error, status_invalid_model, problem, advice)
     end subroutine refuse
 
-    !> Read two components in the plane, three in space.
+    !> Check a vector argument with two components in the plane or three in space, and return it with three components.
     subroutine take_vector(planar, label, what, given, vector, error)
         logical, intent(in) :: planar
         character(len=*), intent(in) :: label, what

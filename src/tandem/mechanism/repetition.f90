@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Repeated elements: `repeat.bay.count` = "n", `repeat.bay.index` = "i", and below `repeat.bay` elements as elsewhere, with `{i}`
-!> or `{i - 1}` in names and texts, and i in expressions. Each copy becomes a separate element. The elements may include
-!> repetitions, `repeat.bay.repeat.floor`, which are carried out for each copy of the outer one and may use its index.
+!> Repeated elements. `repeat.bay.count` = "n" and `repeat.bay.index` = "i" define a repetition; the elements below `repeat.bay` may
+!> contain `{i}` or `{i - 1}` in names and texts, and i in expressions. Each copy becomes an element of its own. Repetitions may be
+!> nested, as in `repeat.bay.repeat.floor`, which is expanded for each copy of the outer one and may use its index.
 module tandem_mechanism_repetition
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -16,23 +16,24 @@ module tandem_mechanism_repetition
 
     public :: repeat_elements
 
-    !> Largest number of copies of a repetition, including nested ones, so that a wrong count ends with an error; and largest depth
+    !> Largest number of copies of a repetition, including nested ones, so that an incorrect count leads to an error; largest depth
     !> of nested repetitions.
-    integer, parameter :: most = 100000, deepest = 4
+    integer, parameter :: max_copies = 100000, max_depth = 4
 
-    !> State during copying.
+    !> State of the expansion.
     type :: copying_type
-        !> True for each entry with a copy; copies so far; true if copies are only counted.
+        !> True for each entry of which a copy exists; number of copies so far; true if copies are only being counted.
         logical, allocatable :: is_copied(:)
         integer :: n_copies = 0
         logical :: is_counting = .false.
-        !> Expanded elements; keys of the repetitions.
+        !> Expanded entries; keys of the repetitions themselves.
         type(entries_type) :: expanded, repeats
-        !> Place of the entry that causes an error.
+        !> Position of the entry that causes an error.
         integer :: place = 0
     end type copying_type
 
-    !> Names and values of the parameters, followed by the indices of the enclosing repetitions; the latter also as integers.
+    !> Names and values of the parameters, followed by those of the indices of the enclosing repetitions; the indices also as
+    !> integers.
     type :: scope_type
         character(len=key_length), allocatable :: names(:)
         real(wp), allocatable :: values(:)
@@ -41,7 +42,8 @@ module tandem_mechanism_repetition
 
 contains
 
-    !> Length of the first parts of a key, or of the whole key if it has no more parts. Dots in braces do not count.
+    !> Length of the first `n_parts` parts of a key, or of the whole key if it has fewer parts. Dots within braces do not separate
+    !> parts.
     pure integer function length_of(key, n_parts) result(length)
         character(len=*), intent(in) :: key
         integer, intent(in) :: n_parts
@@ -58,7 +60,7 @@ contains
         length = len(key)
     end function length_of
 
-    !> First parts of a key, or the whole key if it has no more parts.
+    !> First `n_parts` parts of a key, or the whole key if it has fewer parts.
     pure function heading(key, n_parts) result(head)
         character(len=*), intent(in) :: key
         integer, intent(in) :: n_parts
@@ -67,7 +69,7 @@ contains
         head = key
     end function heading
 
-    !> Expand all repetitions. The keys of the repetitions themselves are returned in `repeats`, with their defaults.
+    !> Expand all repetitions. `repeats` returns the keys of the repetitions themselves, with their defaults.
     subroutine repeat_elements(entries, names, values, expanded, repeats, error, place)
         type(entries_type), intent(in) :: entries
         !> Parameters.
@@ -75,7 +77,7 @@ contains
         real(wp), intent(in) :: values(:)
         type(entries_type), intent(out) :: expanded, repeats
         type(error_type), allocatable, intent(out) :: error
-        !> Place of the entry that caused the error; 0 if none.
+        !> Position of the entry that caused the error; 0 if there is none.
         integer, intent(out) :: place
         type(copying_type) :: state
         type(scope_type) :: scope
@@ -94,7 +96,7 @@ contains
                 end if
                 head = heading(entry%key, 2)
                 if (state%repeats%find(head//'.count') > 0) cycle copying
-                ! The first pass counts, so that too many copies are refused before they are made.
+                ! Count in a first pass, so that too many copies are refused before they are made.
                 do k = merge(1, 2, any([(index(entries%list(j)%key, head//'.repeat.') == 1, j=i, entries%n)])), 2
                     state%n_copies = 0
                     state%is_counting = k == 1
@@ -103,7 +105,7 @@ contains
                 end do
             end associate
         end do copying
-        ! Show elements without copies too.
+        ! Include elements of which there are no copies.
         do i = 1, merge(0, entries%n, allocated(error))
             if (index(entries%list(i)%key, 'repeat.') /= 1 .or. state%is_copied(i)) cycle
             if (state%repeats%find(entries%list(i)%key) == 0) call state%repeats%append(entries%list(i))
@@ -113,21 +115,21 @@ contains
         place = state%place
     end subroutine repeat_elements
 
-    !> Make the copies of the elements below one heading.
+    !> Expand one repetition.
     recursive subroutine expand(state, entries, head, scope, error)
         type(copying_type), intent(inout) :: state
         type(entries_type), intent(in) :: entries
-        !> Heading, such as `repeat.bay.`, or `repeat.bay.repeat.floor.`.
+        !> Heading of the repetition, such as `repeat.bay.` or `repeat.bay.repeat.floor.`.
         character(len=*), intent(in) :: head
         type(scope_type), intent(in) :: scope
         type(error_type), allocatable, intent(inout) :: error
         character(len=:), allocatable :: index_name
         integer :: k, count, first
 
-        if (size(scope%indices) == deepest) then
+        if (size(scope%indices) == max_depth) then
             state%place = place_below(entries, head)
             call set_error(error, status_invalid_model, head(:len(head) - 1)//' is nested too deeply', &
-                'nest at most '//to_text(deepest)//' repetitions')
+                'nest at most '//to_text(max_depth)//' repetitions')
             return
         end if
         k = entries%find(head(:len(head) - 1))
@@ -161,13 +163,13 @@ contains
         if (allocated(error)) return
         call get_count(state, entries, head//'first', 1, scope, first, error)
         if (allocated(error)) return
-        state%n_copies = state%n_copies + max(0, min(count, most + 1))
-        if (count < 0 .or. state%n_copies > most) then
-            if (count < 0 .or. count > most) then
+        state%n_copies = state%n_copies + max(0, min(count, max_copies + 1))
+        if (count < 0 .or. state%n_copies > max_copies) then
+            if (count < 0 .or. count > max_copies) then
                 call set_error(error, status_invalid_model, head//'count is '//to_text(count), &
-                    'give a number from 0 to '//to_text(most))
+                    'give a number from 0 to '//to_text(max_copies))
             else
-                call set_error(error, status_invalid_model, head(:len(head) - 1)//' results in more than '//to_text(most)// &
+                call set_error(error, status_invalid_model, head(:len(head) - 1)//' results in more than '//to_text(max_copies)// &
                     ' copies', 'give smaller numbers')
             end if
             k = entries%find(head//'count')
@@ -178,7 +180,7 @@ contains
         call copy_elements(state, entries, head, index_name, first, first + count - 1, scope, error)
     end subroutine expand
 
-    !> Copy each element below the heading once for each value of the index.
+    !> Copy the elements below a heading once for each value of the index.
     recursive subroutine copy_elements(state, entries, head, index_name, first, last, scope, error)
         type(copying_type), intent(inout) :: state
         type(entries_type), intent(in) :: entries
@@ -228,7 +230,7 @@ contains
                     deallocate (copy%index_names)
                 end associate
             end do
-            ! Nested repetitions follow the elements of the copy, wherever they are given.
+            ! Nested repetitions follow the other elements of a copy, wherever they are given.
             do k = 1, entries%n
                 if (index(entries%list(k)%key, head//'repeat.') /= 1) cycle
                 inner = head//heading(entries%list(k)%key(len(head) + 1:), 2)//'.'
@@ -241,7 +243,7 @@ contains
         end do
     end subroutine copy_elements
 
-    !> Read an integer, which may be an expression of parameters.
+    !> Read an integer, or evaluate an expression of parameters.
     subroutine get_count(state, entries, key, default, scope, number, error)
         type(copying_type), intent(inout) :: state
         type(entries_type), intent(in) :: entries
@@ -261,7 +263,7 @@ contains
                     call set_error(error, status_invalid_model, given%key//' is not a number', 'give an integer, or an '// &
                         'expression in quotes')
                 else if (given%value%atoms(1)%kind == is_number) then
-                    call round(given%value%atoms(1)%number, given%key, number, error)
+                    call to_integer(given%value%atoms(1)%number, given%key, number, error)
                 else
                     call evaluate(given%value%atoms(1)%text, given%key, scope, number, error)
                 end if
@@ -277,7 +279,7 @@ contains
         end if
     end subroutine get_count
 
-    !> Place of an entry of this repetition.
+    !> Position of the first entry of a repetition.
     integer function place_below(entries, head)
         type(entries_type), intent(in) :: entries
         character(len=*), intent(in) :: head
@@ -289,8 +291,8 @@ contains
         end do
     end function place_below
 
-    !> Convert a number to an integer.
-    subroutine round(number, key, whole, error)
+    !> Convert a number to an integer, with an error if it is not one.
+    subroutine to_integer(number, key, whole, error)
         type(error_type), allocatable, intent(inout) :: error
         real(wp), intent(in) :: number
         character(len=*), intent(in) :: key
@@ -305,9 +307,9 @@ contains
         if (abs(number - whole) > 1.0e-9_wp) then
             call set_error(error, status_invalid_model, key//' gives '//to_text(number), 'give an integer')
         end if
-    end subroutine round
+    end subroutine to_integer
 
-    !> Integer value of an expression.
+    !> Evaluate an expression with an integer value.
     subroutine evaluate(text, key, scope, whole, error)
         type(error_type), allocatable, intent(inout) :: error
         character(len=*), intent(in) :: text, key
@@ -317,10 +319,10 @@ contains
 
         whole = 0
         call parse_expression(expression, text, [character(len=1) ::], error, scope%names, scope%values, key)
-        if (.not. allocated(error)) call round(expression%value([real(wp) ::]), key//': "'//text//'"', whole, error)
+        if (.not. allocated(error)) call to_integer(expression%value([real(wp) ::]), key//': "'//text//'"', whole, error)
     end subroutine evaluate
 
-    !> Replace braces in a text by numbers.
+    !> Replace expressions in braces in a text by their values.
     subroutine fill(text, key, scope, filled, error)
         character(len=*), intent(in) :: text, key
         type(scope_type), intent(in) :: scope
@@ -348,7 +350,7 @@ contains
         filled = filled//text(at:)
     end subroutine fill
 
-    !> Replace braces in all texts of a value.
+    !> Replace expressions in braces in all texts of a value.
     subroutine fill_texts(value, key, scope, error)
         type(value_type), intent(inout) :: value
         character(len=*), intent(in) :: key

@@ -1,17 +1,19 @@
 ! SPDX-License-Identifier: MIT
-!> Nonholonomic elements: a knife edge (a wheel that does not slip sideways), and a disk with a sharp or a round rim, a sphere or an
-!> ellipsoid that rolls on a plane, which may rise, turn about its normal, and slide within itself with time.
+!> Knife edges and rolling contact. A knife edge is a wheel that does not slip sideways. Disks with a sharp or a round rim, spheres
+!> and ellipsoids roll without slip on a plane. Functions of time may raise the plane, rotate it about its normal, and slide it
+!> within itself.
 !>
-!> A row is V = E qd - e = 0. V_q and the derivatives of E and V_q along the motion give all gradient blocks: (C qd - nu)_q = V_q,
-!> (C qdd + gamma)_q = d/dt V_q, gamma_qd = V_q + d/dt E (section 15 of doc/theory.md).
+!> A velocity-level row is V = E qd - e = 0. All its gradient blocks follow from V_q and from the derivatives of E and V_q along the
+!> motion: (C qd - nu)_q = V_q, (C qdd + gamma)_q = d/dt V_q, gamma_qd = V_q + d/dt E (section 15 of doc/theory.md).
 !>
-!> The disk of radius R, centre A s, axis a: with sigma = a.n and g = sqrt(1 - sigma^2) the vector from r to the contact point is y
-!> = A s - R (n/g - a sigma/g), the height n.r + n.A s - R g. A sphere has no axis: sigma = 0, g = 1. The contact point of the body
-!> moves with the plane: t.(rd + w x y) = e for the two tangents t of the plane, w = 2 E(p) pd. A round rim of radius c adds -c n to
-!> y. The ellipsoid with semi-axes A has its contact at A^2 m/|A m| from its centre, m the downward normal in the body.
+!> Disk of radius R with the centre A s and the axis a relative to the centre of mass r: let sigma = a.n and g = sqrt(1 - sigma^2).
+!> The vector from r to the contact point is y = A s - R (n/g - a sigma/g), and the height above the plane is n.r + n.A s - R g. A
+!> round rim of section radius c adds -c n to y. A sphere has no axis: sigma = 0, g = 1. The contact point of an ellipsoid with the
+!> semi-axes A is A^2 m/|A m| relative to its centre, where m is the downward normal in the body frame. The material point in
+!> contact moves with the plane: t.(rd + w x y) = e for both tangents t of the plane, w = 2 E(p) pd.
 module tandem_mechanism_rolling
     use tandem_kinds, only: wp
-    use tandem_mechanism_velocity_joint, only: put_nonholonomic, spin_of, spinning_part, turning_part
+    use tandem_mechanism_velocity_joint, only: put_nonholonomic, angular_velocity, world_moment_row, body_moment_row
     use tandem_mechanism_pair, only: columns, n_local, put_holonomic, place_1, turn_1
     use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turned
     use tandem_mechanism_vector, only: cross
@@ -24,35 +26,38 @@ module tandem_mechanism_rolling
     public :: knife_edge_type, evaluate_knife_edges, differentiate_knife_edges
     public :: roller_type, find_contact, evaluate_rollers, differentiate_rollers
 
-    !> The velocity of a point of a body along a direction fixed to it (across the edge, along the axle of a wheel) is zero.
+    !> Knife edge: the velocity of a body-fixed point vanishes along a body-fixed direction (across the edge, along the axle of a
+    !> wheel).
     type :: knife_edge_type
         integer :: body = 0
         !> Row of C.
         integer :: row = 0
-        !> Point and direction in the frame of the body, and their product s' x a'.
+        !> Point s' and direction a' in the body frame, and s' x a'.
         real(wp) :: point(3) = 0.0_wp, across(3) = 0.0_wp, moment(3) = 0.0_wp
-        !> Index of the function that rotates the direction in the body, 0 if none; the direction after a rotation by 90 degrees.
+        !> Index of the function of time of the steering angle, 0 if the direction is fixed in the body; the direction a' after a
+        !> rotation by 90 degrees.
         integer :: steer = 0
         real(wp) :: towards(3) = 0.0_wp
         !> Last steering angle, its cosine and its sine.
         real(wp) :: angle = 0.0_wp, cosine = 1.0_wp, sine = 0.0_wp
     end type knife_edge_type
 
-    !> A disk, a sphere (zero `axis`), or an ellipsoid.
+    !> Rolling body: a disk, a sphere (`axis` is zero), or an ellipsoid.
     type :: roller_type
         integer :: body = 0
-        !> Row of the height, and first of the two rows without slip.
+        !> Rows of C: the height, and the first of the two no-slip rows.
         integer :: height_row = 0, row = 0
-        !> Of a disk: radius of the middle line of the rim, and of the section of the rim; ellipsoid: squares of the semi-axes.
+        !> Disk or sphere: radius of the centre line of the rim, and radius of the rim's cross section (0 for a sharp rim).
+        !> Ellipsoid: squared semi-axes.
         real(wp) :: radius = 1.0_wp, crown = 0.0_wp, squares(3) = 1.0_wp
         logical :: is_ellipsoid = .false.
-        !> Centre and unit axis in the frame of the body.
+        !> Centre and unit axis in the body frame.
         real(wp) :: centre(3) = 0.0_wp, axis(3) = 0.0_wp
-        !> Unit normal of the plane, two tangents, and the plane's distance from the origin along n.
+        !> Plane of contact: unit normal n, two tangents, and distance from the origin along n.
         real(wp) :: normal(3) = [0.0_wp, 0.0_wp, 1.0_wp], height = 0.0_wp
         real(wp) :: tangent(3, 2) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp], [3, 2])
-        !> Indices of the functions by which the plane rises, turns and slides, 0 if none; pivot of its rotation, and direction of
-        !> its sliding.
+        !> Indices of the functions of time that raise, rotate and slide the plane, 0 if none; pivot of the rotation and direction
+        !> of the sliding.
         integer :: rise = 0, rotation = 0, slide = 0
         real(wp) :: pivot(3) = 0.0_wp, along(3) = 0.0_wp
     end type roller_type
@@ -62,7 +67,8 @@ module tandem_mechanism_rolling
 
 contains
 
-    !> V = a.rd + 2 (s' x a').G(p) pd, in the plane a.rd + (s' x a')_z times the angle's rate.
+    !> Add the terms of knife edges: V = a.rd + 2 (s' x a').G(p) pd in space, V = a.rd + (s' x a')_z phid for the angle phi of a
+    !> planar body.
     pure subroutine evaluate_knife_edges(knife_edges, need, pose, f, terms)
         type(knife_edge_type), intent(inout) :: knife_edges(:)
         integer, intent(in) :: need
@@ -83,7 +89,7 @@ contains
                     do k = 1, body%n_place
                         terms%jacobian(edge%row, body%place_column + k - 1) = a(k)
                     end do
-                    e_p = turning_part(body, 0, moment)
+                    e_p = body_moment_row(body, 0, moment)
                     do k = 1, body%n_turn
                         terms%jacobian(edge%row, body%turn_column + k - 1) = e_p(k)
                     end do
@@ -94,7 +100,7 @@ contains
                     if (edge%steer > 0) a = a + turned(body, 0, across_t)
                     terms%gamma(edge%row) = a(1)*body%r(1, 1) + a(2)*body%r(2, 1) + a(3)*body%r(3, 1)
                     if (edge%steer == 0) cycle
-                    e_p = turning_part(body, 0, moment_t)
+                    e_p = body_moment_row(body, 0, moment_t)
                     do k = 1, body%n_turn
                         terms%gamma(edge%row) = terms%gamma(edge%row) + e_p(k)*body%p(k, 1)
                     end do
@@ -103,7 +109,7 @@ contains
         end do
     end subroutine evaluate_knife_edges
 
-    !> a' and s' x a' of a steered edge, with their derivatives with respect to time.
+    !> Direction a' and moment s' x a' of a steered edge, with their derivatives with respect to time.
     pure subroutine steer(edge, f, across, moment, across_t, moment_t)
         type(knife_edge_type), intent(inout) :: edge
         real(wp), intent(in), contiguous :: f(0:, :)
@@ -144,14 +150,14 @@ contains
                 v_q_rate = 0.0_wp
                 e_rate = 0.0_wp
                 e_rate(place_1 + 1:place_1 + 3) = turned(body, 1, across) + turned(body, 0, across_t)
-                e_rate(turn_1 + 1:turn_1 + 4) = turning_part(body, 1, moment) + turning_part(body, 0, moment_t)
+                e_rate(turn_1 + 1:turn_1 + 4) = body_moment_row(body, 1, moment) + body_moment_row(body, 0, moment_t)
                 associate (v_p => v_q(turn_1 + 1:turn_1 + 4), v_p_rate => v_q_rate(turn_1 + 1:turn_1 + 4))
                     v_p = gradient_of(body, 0, across, body%r(:, 1))
                     v_p_rate = gradient_of(body, 1, across, body%r(:, 1)) + gradient_of(body, 0, across, body%r(:, 2)) + &
                         gradient_of(body, 0, across_t, body%r(:, 1))
                     if (body%n_turn == 4) then
-                        v_p = v_p - turning_part(body, 1, moment)
-                        v_p_rate = v_p_rate - turning_part(body, 2, moment) - turning_part(body, 1, moment_t)
+                        v_p = v_p - body_moment_row(body, 1, moment)
+                        v_p_rate = v_p_rate - body_moment_row(body, 2, moment) - body_moment_row(body, 1, moment_t)
                     end if
                 end associate
                 call put_nonholonomic(need, edge%row, c, v_q, v_q_rate, e_rate, derivatives)
@@ -172,7 +178,7 @@ contains
         end do
     end subroutine differentiate_knife_edges
 
-    !> Vector from a body's centre of mass to the contact point, at a pose with given position and rotation.
+    !> Vector from the centre of mass to the contact point. Of the pose, only position and rotation need be set.
     pure subroutine find_contact(roller, body, y)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
@@ -180,7 +186,7 @@ contains
         real(wp) :: a(3), m(3), sigma, g
 
         if (roller%is_ellipsoid) then
-            m = down(roller, body, 0)
+            m = downward_normal(roller, body, 0)
             y = turned(body, 0, roller%centre + roller%squares*m/sqrt(sum(roller%squares*m**2)))
         else
             a = turned(body, 0, roller%axis)
@@ -190,8 +196,8 @@ contains
         end if
     end subroutine find_contact
 
-    !> Downward normal of the plane in the frame of the body, or its k-th derivative along the motion.
-    pure function down(roller, body, k) result(m)
+    !> Downward normal of the plane in the body frame, or its k-th derivative along the motion.
+    pure function downward_normal(roller, body, k) result(m)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
         integer, intent(in) :: k
@@ -201,9 +207,9 @@ contains
         do i = 1, 3
             m(i) = -(body%a(1, i, k)*roller%normal(1) + body%a(2, i, k)*roller%normal(2) + body%a(3, i, k)*roller%normal(3))
         end do
-    end function down
+    end function downward_normal
 
-    !> Add the height and the two rows without slip.
+    !> Add the terms of rolling bodies: the height and the two no-slip rows.
     pure subroutine evaluate_rollers(rollers, need, pose, f, terms, stat)
         type(roller_type), intent(in) :: rollers(:)
         integer, intent(in) :: need
@@ -211,17 +217,17 @@ contains
         !> Values and derivatives of the functions of time.
         real(wp), intent(in), contiguous :: f(0:, :)
         type(terms_type), intent(inout) :: terms
-        !> 1 for a disk that lies flat.
+        !> Set to 1 if a disk lies flat on the plane.
         integer, intent(inout) :: stat
-        real(wp) :: y(3), y1(3), lever(3), lift, w(3), row(4), z(3)
+        real(wp) :: y(3), y1(3), lever(3), height_tt, w(3), row(4), z(3)
         integer :: i, k
 
         do i = 1, size(rollers)
             associate (roller => rollers(i), body => pose(rollers(i)%body), n => rollers(i)%normal)
                 if (roller%is_ellipsoid) then
-                    call contact_of_ellipsoid(roller, body, need, y, y1, lever, lift)
+                    call contact_of_ellipsoid(roller, body, need, y, y1, lever, height_tt)
                 else
-                    call contact_of_disk(roller, body, need, y, y1, lever, lift, stat)
+                    call contact_of_disk(roller, body, need, y, y1, lever, height_tt, stat)
                     if (stat > 0) return
                 end if
                 if (iand(need, need_phi) /= 0) then
@@ -234,7 +240,8 @@ contains
                         terms%jacobian(roller%row, body%place_column + k - 1) = roller%tangent(k, 1)
                         terms%jacobian(roller%row + 1, body%place_column + k - 1) = roller%tangent(k, 2)
                     end do
-                    ! The contact point moves on the body along the plane, so that it counts as fixed to the body.
+                    ! The contact point moves relative to the body only along the plane. Differentiate the height as if it were
+                    ! fixed to the body.
                     row = gradient_of(body, 0, lever, n)
                     do k = 1, 4
                         terms%jacobian(roller%height_row, body%turn_column + k - 1) = row(k)
@@ -254,24 +261,25 @@ contains
                     z = cross(w, y1)
                     terms%gamma(roller%row) = sum(z*roller%tangent(:, 1))
                     terms%gamma(roller%row + 1) = sum(z*roller%tangent(:, 2))
-                    terms%gamma(roller%height_row) = lift
+                    terms%gamma(roller%height_row) = height_tt
                 end if
                 if (roller%rise + roller%rotation + roller%slide > 0) call add_plane(roller, need, body, f, y, y1, terms)
             end associate
         end do
     end subroutine evaluate_rollers
 
-    !> Contact of a disk or a sphere.
-    pure subroutine contact_of_disk(roller, body, need, y, y1, lever, lift, stat)
+    !> Contact point and height of a disk or a sphere.
+    pure subroutine contact_of_disk(roller, body, need, y, y1, lever, height_tt, stat)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
         integer, intent(in) :: need
-        !> Vector from the centre of mass to the contact, and its rate, in the world; vector in the body with the gradient of the
-        !> height; second derivative of the height for qdd = 0. Quantities for gamma are set only if it is needed.
+        !> Vector from the centre of mass to the contact point in the world frame, and its rate. Body-fixed vector to the point
+        !> whose motion gives the gradient of the height. Second derivative of the height for qdd = 0. The rate and the second
+        !> derivative are set only if gamma is requested.
         real(wp), intent(out) :: y(3)
-        real(wp), intent(inout) :: y1(3), lever(3), lift
+        real(wp), intent(inout) :: y1(3), lever(3), height_tt
         integer, intent(inout) :: stat
-        real(wp) :: a(3), a1(3), z(3), sigma, sigma1, over, square, u
+        real(wp) :: a(3), a1(3), z(3), sigma, sigma1, inverse_g, square, u
 
         associate (n => roller%normal, radius => roller%radius)
             a = turned(body, 0, roller%axis)
@@ -282,47 +290,48 @@ contains
                 y = 0.0_wp
                 return
             end if
-            over = 1/sqrt(square)
-            u = sigma*over
-            y = turned(body, 0, roller%centre) - radius*(over*n - u*a) - roller%crown*n
+            inverse_g = 1/sqrt(square)
+            u = sigma*inverse_g
+            y = turned(body, 0, roller%centre) - radius*(inverse_g*n - u*a) - roller%crown*n
             lever = roller%centre + radius*u*roller%axis
             if (iand(need, need_gamma) == 0) return
             a1 = turned(body, 1, roller%axis)
             sigma1 = a1(1)*n(1) + a1(2)*n(2) + a1(3)*n(3)
             ! (1/g)_t = sigma sigma_t/g^3, (sigma/g)_t = sigma_t/g^3.
-            y1 = turned(body, 1, roller%centre) - radius*(sigma1*over**3*(sigma*n - a) - u*a1)
+            y1 = turned(body, 1, roller%centre) - radius*(sigma1*inverse_g**3*(sigma*n - a) - u*a1)
             z = turned(body, 2, lever)
-            lift = z(1)*n(1) + z(2)*n(2) + z(3)*n(3) + radius*sigma1**2*over**3
+            height_tt = z(1)*n(1) + z(2)*n(2) + z(3)*n(3) + radius*sigma1**2*inverse_g**3
         end associate
     end subroutine contact_of_disk
 
-    !> Contact of an ellipsoid: with the downward normal m in the body and g = |A m|, A the semi-axes, it is at A^2 m/g.
-    pure subroutine contact_of_ellipsoid(roller, body, need, y, y1, lever, lift)
+    !> Contact point and height of an ellipsoid: the point is at A^2 m/g from the centre, with the semi-axes A, the downward normal
+    !> m in the body frame, and g = |A m|.
+    pure subroutine contact_of_ellipsoid(roller, body, need, y, y1, lever, height_tt)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
         integer, intent(in) :: need
         real(wp), intent(out) :: y(3)
-        real(wp), intent(inout) :: y1(3), lever(3), lift
+        real(wp), intent(inout) :: y1(3), lever(3), height_tt
         real(wp) :: m(3), m1(3), m2(3), s(3), g, g1, z(3)
 
         associate (n => roller%normal, squares => roller%squares)
-            m = down(roller, body, 0)
+            m = downward_normal(roller, body, 0)
             g = sqrt(squares(1)*m(1)**2 + squares(2)*m(2)**2 + squares(3)*m(3)**2)
             s = squares*m/g
             lever = roller%centre + s
             y = turned(body, 0, lever)
             if (iand(need, need_gamma) == 0) return
-            m1 = down(roller, body, 1)
-            m2 = down(roller, body, 2)
+            m1 = downward_normal(roller, body, 1)
+            m2 = downward_normal(roller, body, 2)
             g1 = s(1)*m1(1) + s(2)*m1(2) + s(3)*m1(3)
             y1 = turned(body, 1, lever) + turned(body, 0, (squares*m1 - g1*s)/g)
-            ! The height is n.A s - g.
+            ! The height above the plane is n.A s - g, plus terms that are linear in r.
             z = turned(body, 2, roller%centre)
-            lift = n(1)*z(1) + n(2)*z(2) + n(3)*z(3) - (sum(squares*m1**2) - g1**2)/g - sum(s*m2)
+            height_tt = n(1)*z(1) + n(2)*z(2) + n(3)*z(3) - (sum(squares*m1**2) - g1**2)/g - sum(s*m2)
         end associate
     end subroutine contact_of_ellipsoid
 
-    !> Add the motion of the plane: its point in contact has the velocity e along the tangents.
+    !> Add the motion of the plane, whose point in contact has the velocity e along the tangents.
     pure subroutine add_plane(roller, need, body, f, y, y1, terms)
         type(roller_type), intent(in) :: roller
         integer, intent(in) :: need
@@ -330,43 +339,43 @@ contains
         real(wp), intent(in), contiguous :: f(0:, :)
         real(wp), intent(in) :: y(3), y1(3)
         type(terms_type), intent(inout) :: terms
-        real(wp) :: rise(0:2), turn(0:2), slide(0:2), way(3), way1(3), across(3)
+        real(wp) :: rise(0:2), angle(0:2), slide(0:2), offset(3), offset_rate(3), across(3)
         integer :: j
 
-        call plane_motion(roller, f, rise, turn, slide)
+        call plane_motion(roller, f, rise, angle, slide)
         if (iand(need, need_phi) /= 0) terms%phi(roller%height_row) = terms%phi(roller%height_row) - rise(0)
         if (iand(need, need_nu) /= 0) terms%nu(roller%height_row) = rise(1)
         if (iand(need, need_gamma) /= 0) terms%gamma(roller%height_row) = terms%gamma(roller%height_row) - rise(2)
-        way = body%r(:, 0) + y - roller%pivot - slide(0)*roller%along
+        offset = body%r(:, 0) + y - roller%pivot - slide(0)*roller%along
         do j = 1, 2
             associate (t => roller%tangent(:, j), row => roller%row + j - 1)
                 across = cross(t, roller%normal)
-                if (iand(need, need_nu) /= 0) terms%nu(row) = turn(1)*sum(across*way) + slide(1)*sum(t*roller%along)
+                if (iand(need, need_nu) /= 0) terms%nu(row) = angle(1)*sum(across*offset) + slide(1)*sum(t*roller%along)
                 if (iand(need, need_gamma) /= 0) then
-                    way1 = body%r(:, 1) + y1 - slide(1)*roller%along
-                    terms%gamma(row) = terms%gamma(row) - turn(2)*sum(across*way) - turn(1)*sum(across*way1) - &
+                    offset_rate = body%r(:, 1) + y1 - slide(1)*roller%along
+                    terms%gamma(row) = terms%gamma(row) - angle(2)*sum(across*offset) - angle(1)*sum(across*offset_rate) - &
                         slide(2)*sum(t*roller%along)
                 end if
             end associate
         end do
     end subroutine add_plane
 
-    !> Rise, rotation and sliding of the plane, with derivatives.
-    pure subroutine plane_motion(roller, f, rise, turn, slide)
+    !> Displacement, rotation angle and sliding of the plane, each with two derivatives; zero without a function.
+    pure subroutine plane_motion(roller, f, rise, angle, slide)
         type(roller_type), intent(in) :: roller
         real(wp), intent(in), contiguous :: f(0:, :)
-        real(wp), intent(out) :: rise(0:2), turn(0:2), slide(0:2)
+        real(wp), intent(out) :: rise(0:2), angle(0:2), slide(0:2)
 
         rise = 0.0_wp
-        turn = 0.0_wp
+        angle = 0.0_wp
         slide = 0.0_wp
         if (roller%rise > 0) rise = f(:, roller%rise)
-        if (roller%rotation > 0) turn = f(:, roller%rotation)
+        if (roller%rotation > 0) angle = f(:, roller%rotation)
         if (roller%slide > 0) slide = f(:, roller%slide)
     end subroutine plane_motion
 
-    !> Add the gradient blocks. With y and its gradient y_p the rows V = t.rd + w.(y x t) - e have, with z = y x t and q = t x w,
-    !> V_p = -2 E(pd)'z + y_p'q, plus the terms of a moving plane.
+    !> Add the requested gradient blocks of rolling bodies. With z = y x t and q = t x w, the row V = t.rd + w.(y x t) - e has the
+    !> gradient V_p = -2 E(pd)'z + y_p'q, plus the terms of a moving plane.
     pure subroutine differentiate_rollers(rollers, need, pose, f, lambda, derivatives)
         type(roller_type), intent(in) :: rollers(:)
         integer, intent(in) :: need
@@ -376,7 +385,7 @@ contains
         type(derivatives_type), intent(inout) :: derivatives
         real(wp) :: y(3, 0:1), y_p(3, 4, 0:1), w(3, 0:1), q(3, 0:1), z(3, 0:1), across(3), height_p(4, 0:2)
         real(wp) :: gradient(n_local, 0:2), second(n_local, n_local), h(4, 4)
-        real(wp) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local), rise(0:2), turn(0:2), slide(0:2)
+        real(wp) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local), rise(0:2), angle(0:2), slide(0:2)
         integer :: i, j, k, c(n_local)
 
         do i = 1, size(rollers)
@@ -393,9 +402,9 @@ contains
                 gradient(turn_1 + 1:turn_1 + 4, :) = height_p
                 second(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = h
                 call put_holonomic(need, roller%height_row, c, gradient, second, lambda(roller%height_row), derivatives)
-                call plane_motion(roller, f, rise, turn, slide)
+                call plane_motion(roller, f, rise, angle, slide)
                 do k = 0, 1
-                    w(:, k) = spin_of(body, k)
+                    w(:, k) = angular_velocity(body, k)
                 end do
                 do j = 1, 2
                     associate (t => roller%tangent(:, j))
@@ -407,24 +416,25 @@ contains
                         v_q = 0.0_wp
                         v_q_rate = 0.0_wp
                         e_rate = 0.0_wp
-                        v_q(place_1 + 1:place_1 + 3) = -turn(1)*across
-                        v_q_rate(place_1 + 1:place_1 + 3) = -turn(2)*across
-                        q(:, 0) = q(:, 0) - turn(1)*across
-                        q(:, 1) = q(:, 1) - turn(2)*across
-                        v_q(turn_1 + 1:turn_1 + 4) = -spinning_part(body, 1, z(:, 0)) + matmul(q(:, 0), y_p(:, :, 0))
-                        v_q_rate(turn_1 + 1:turn_1 + 4) = -spinning_part(body, 2, z(:, 0)) - spinning_part(body, 1, z(:, 1)) + &
+                        v_q(place_1 + 1:place_1 + 3) = -angle(1)*across
+                        v_q_rate(place_1 + 1:place_1 + 3) = -angle(2)*across
+                        q(:, 0) = q(:, 0) - angle(1)*across
+                        q(:, 1) = q(:, 1) - angle(2)*across
+                        v_q(turn_1 + 1:turn_1 + 4) = -world_moment_row(body, 1, z(:, 0)) + matmul(q(:, 0), y_p(:, :, 0))
+                        v_q_rate(turn_1 + 1:turn_1 + 4) = -world_moment_row(body, 2, z(:, 0)) - &
+                            world_moment_row(body, 1, z(:, 1)) + &
                             matmul(q(:, 1), y_p(:, :, 0)) + matmul(q(:, 0), y_p(:, :, 1))
-                        e_rate(turn_1 + 1:turn_1 + 4) = spinning_part(body, 1, z(:, 0)) + spinning_part(body, 0, z(:, 1))
+                        e_rate(turn_1 + 1:turn_1 + 4) = world_moment_row(body, 1, z(:, 0)) + world_moment_row(body, 0, z(:, 1))
                     end associate
                     call put_nonholonomic(need, roller%row + j - 1, c, v_q, v_q_rate, e_rate, derivatives)
                 end do
                 if (iand(need, need_dynamics_q) == 0) cycle
 
-                ! (2 E(p)' (y x t))_p, with t summed over both rows.
+                ! (2 E(p)'(y x t))_p for the sum t of both tangents, each times its multiplier.
                 associate (t => lambda(roller%row)*roller%tangent(:, 1) + lambda(roller%row + 1)*roller%tangent(:, 2))
                     h = 2*e_transposed_gradient(cross(y(:, 0), t))
                     do k = 1, 4
-                        h(:, k) = h(:, k) + spinning_part(body, 0, cross(y_p(:, k, 0), t))
+                        h(:, k) = h(:, k) + world_moment_row(body, 0, cross(y_p(:, k, 0), t))
                     end do
                 end associate
                 do k = 1, 4
@@ -439,15 +449,15 @@ contains
         end do
     end subroutine differentiate_rollers
 
-    !> Contact of a disk or a sphere.
+    !> Contact point and height of a disk or a sphere, with gradients.
     pure subroutine differentiate_disk(roller, body, y, y_p, gradient, second)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
-        !> Vector to the contact and its gradient, with derivatives along the motion.
+        !> Vector from the centre of mass to the contact point and its gradient, each with its derivative along the motion.
         real(wp), intent(out) :: y(3, 0:1), y_p(3, 4, 0:1)
-        !> Gradient of the height with respect to p with derivatives along the motion, and its second gradient.
+        !> Gradient of the height with respect to p with two derivatives along the motion, and its second gradient.
         real(wp), intent(out) :: gradient(4, 0:2), second(4, 4)
-        real(wp) :: a(3, 0:2), b(4, 0:2), b_a(3, 4, 0:1), b_s(3, 4, 0:1), sigma(0:2), u(0:2), v(0:1), u_s(0:1), v_s(0:1), over
+        real(wp) :: a(3, 0:2), b(4, 0:2), b_a(3, 4, 0:1), b_s(3, 4, 0:1), sigma(0:2), u(0:2), v(0:1), u_s(0:1), v_s(0:1), inverse_g
         integer :: k
 
         associate (n => roller%normal, radius => roller%radius)
@@ -456,12 +466,13 @@ contains
                 sigma(k) = sum(a(:, k)*n)
                 b(:, k) = gradient_of(body, k, roller%axis, n)
             end do
-            ! u = sigma/g and v = 1/g, their derivatives with respect to sigma, and along the motion.
-            over = 1/sqrt(1 - sigma(0)**2)
-            u_s = [over**3, 3*sigma(0)*sigma(1)*over**5]
-            v_s = [sigma(0)*over**3, sigma(1)*over**3 + 3*sigma(0)**2*sigma(1)*over**5]
-            u = [sigma(0)*over, u_s(0)*sigma(1), u_s(0)*sigma(2) + u_s(1)*sigma(1)]
-            v = [over, v_s(0)*sigma(1)]
+            ! u = sigma/g and v = 1/g with their derivatives along the motion; u_s and v_s are their derivatives with respect to
+            ! sigma.
+            inverse_g = 1/sqrt(1 - sigma(0)**2)
+            u_s = [inverse_g**3, 3*sigma(0)*sigma(1)*inverse_g**5]
+            v_s = [sigma(0)*inverse_g**3, sigma(1)*inverse_g**3 + 3*sigma(0)**2*sigma(1)*inverse_g**5]
+            u = [sigma(0)*inverse_g, u_s(0)*sigma(1), u_s(0)*sigma(2) + u_s(1)*sigma(1)]
+            v = [inverse_g, v_s(0)*sigma(1)]
             y(:, 0) = turned(body, 0, roller%centre) - radius*(v(0)*n - u(0)*a(:, 0)) - roller%crown*n
             y(:, 1) = turned(body, 1, roller%centre) - radius*(v(1)*n - u(1)*a(:, 0) - u(0)*a(:, 1))
             do k = 0, 1
@@ -485,7 +496,8 @@ contains
         end associate
     end subroutine differentiate_disk
 
-    !> Contact of an ellipsoid. The height has the gradient C'x with x = s + A^2 m/g and C = (A(p)'n)_p, as if x were constant.
+    !> Contact point and height of an ellipsoid, with gradients. The gradient of the height is C'x with x = s + A^2 m/g and C =
+    !> (A(p)'n)_p, as if x were constant.
     pure subroutine differentiate_ellipsoid(roller, body, y, y_p, gradient, second)
         type(roller_type), intent(in) :: roller
         type(pose_type), intent(in) :: body
@@ -495,13 +507,13 @@ contains
 
         associate (squares => roller%squares, n => roller%normal)
             do k = 0, 2
-                m(:, k) = down(roller, body, k)
+                m(:, k) = downward_normal(roller, body, k)
                 c(:, :, k) = c_matrix(body%p(:, k), n)
             end do
             g(0) = sqrt(sum(squares*m(:, 0)**2))
             g(1) = sum(squares*m(:, 0)*m(:, 1))/g(0)
             g(2) = (sum(squares*m(:, 1)**2) + sum(squares*m(:, 0)*m(:, 2)) - g(1)**2)/g(0)
-            ! From g s = A^2 m, and m_p = -C.
+            ! Derivatives of g s = A^2 m, with m_p = -C.
             s(:, 0) = squares*m(:, 0)/g(0)
             s(:, 1) = (squares*m(:, 1) - g(1)*s(:, 0))/g(0)
             s(:, 2) = (squares*m(:, 2) - 2*g(1)*s(:, 1) - g(2)*s(:, 0))/g(0)

@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> Scales of a mechanism from its own lengths, so that a mechanism takes the same steps in any units.
+!> Natural scales of a mechanism, derived from its own dimensions, so that runs take the same steps in any system of units.
 submodule(tandem_mechanism) tandem_mechanism_scales
     use tandem_mechanism_coordinate, only: is_angle, is_tilt, pi
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_point_vector, only: point_vector_type
     implicit none (type, external)
 
-    !> Accumulator of a geometric mean.
+    !> Accumulator for a geometric mean.
     type :: mean_type
         real(wp) :: total = 0.0_wp
         integer :: n = 0
@@ -22,7 +22,7 @@ contains
         self%coordinate_scale = spread(1.0_wp, 1, self%n)
         do i = 1, size(self%first) - 1
             associate (scale => self%coordinate_scale(self%first(i):self%first(i + 1) - 1))
-                ! The displacement of a massless part is a length.
+                ! The displacement of a massless wheel is a length.
                 if (i > size(self%bodies)) then
                     scale = self%size_of_bodies
                 else
@@ -47,9 +47,9 @@ contains
         end do
     end procedure set_scales
 
-    !> About half a period of a pendulum of the typical length. Without gravity, the time in which bodies and their drives move 4
-    !> rad, or four lengths, at their rates and accelerations at the start; if these are not larger than rounding of balanced
-    !> springs, the time of the springs.
+    !> Time scale: about half a period of a pendulum of typical length. Without gravity it is the time in which bodies and drives
+    !> move by 4 rad, or by four lengths, with their initial rates and accelerations. If these are only rounding errors of springs
+    !> in balance, it follows from the springs.
     module procedure set_time_scale
         real(wp), parameter :: rounding = 1.0e-6_wp, way = 4.0_wp
         real(wp) :: rate, swing
@@ -65,7 +65,7 @@ contains
         if (.not. (self%time_scale > 0.0_wp .and. self%time_scale <= huge(1.0_wp))) self%time_scale = 1.0_wp
     end procedure set_time_scale
 
-    !> Largest velocity relative to the scales of the coordinates.
+    !> Largest initial velocity relative to the scales of the coordinates.
     pure real(wp) function rate_of_start(self, qd) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp), intent(in) :: qd(:)
@@ -73,7 +73,7 @@ contains
         rate = maxval([0.0_wp, abs(qd)/self%coordinate_scale])
     end function rate_of_start
 
-    !> Value of a coupling whose angles are 1 and whose displacements are one length scale.
+    !> Value of a coupling if all angles are 1 and all displacements are one length scale.
     pure real(wp) function size_of_sum(self, it) result(unit)
         class(mechanism_type), intent(in) :: self
         type(coupling_type), intent(in) :: it
@@ -85,7 +85,7 @@ contains
         end do
     end function size_of_sum
 
-    !> Rate of the functions of time of joints and distances at a time.
+    !> Rate of the functions of time that drive joints and distances, at a given time.
     real(wp) function rate_of_motions(self, t) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -119,7 +119,7 @@ contains
         end subroutine add
     end function rate_of_motions
 
-    !> Rate of the motion under the given forces if nothing held the bodies.
+    !> Rate of the motion that the forces would cause without constraints.
     real(wp) function rate_of_forces(self, t, q, qd) result(rate)
         class(mechanism_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:)
@@ -138,7 +138,7 @@ contains
             associate (body => self%bodies(i), first => self%first(i), turn => self%first(i) + merge(2, 3, self%planar))
                 last = self%first(i + 1) - 1
                 if (body%mass > 0.0_wp) call add(norm2(terms%force(first:turn - 1)), body%mass*self%size_of_bodies)
-                ! 4 J of Euler parameters.
+                ! Inertia of Euler parameters: that of 4 J.
                 inertia = merge(body%inertia(3, 3), 4*(body%inertia(1, 1) + body%inertia(2, 2) + body%inertia(3, 3)), self%planar)
                 if (last >= turn .and. inertia > 0.0_wp) call add(norm2(terms%force(turn:last)), inertia)
             end associate
@@ -153,7 +153,7 @@ contains
         end subroutine add
     end function rate_of_forces
 
-    !> Rate of oscillation of the bodies on linear springs.
+    !> Rate of oscillations of the bodies on linear springs.
     pure real(wp) function rate_of_springs(self) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp) :: mass, inertia, square
@@ -196,8 +196,8 @@ contains
         end do
     end procedure set_magnitudes
 
-    !> Geometric mean of the sizes of the bodies and of the rods between them, in which a few parts of another size hardly matter.
-    !> For point masses only: the lengths of springs, else the distances between the bodies, else those from the origin.
+    !> Geometric mean of the sizes of bodies and of the distances between their points, which is insensitive to a few parts of
+    !> different size. For point masses only: lengths of springs, else distances between the bodies, else distances from the origin.
     function typical_length(self) result(length)
         class(mechanism_type), intent(in) :: self
         real(wp) :: length
@@ -253,7 +253,7 @@ contains
 
     contains
 
-        !> Extend the sizes of two bodies to their points.
+        !> Extend the sizes of two bodies to their points of a point-to-point vector.
         subroutine extend(vector)
             type(point_vector_type), intent(in) :: vector
 

@@ -174,7 +174,7 @@ contains
             call self%laws(i)%law%hold(t)
         end do
         do i = 1, size(self%formulas)
-            call self%formulas(i)%pieces%hold(t)
+            call self%formulas(i)%pieces%select_piece(t)
         end do
     end procedure hold_pieces
 

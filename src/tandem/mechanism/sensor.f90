@@ -5,7 +5,7 @@
 module tandem_mechanism_sensor
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, find_slope
-    use tandem_mechanism_velocity_joint, only: spin_of
+    use tandem_mechanism_velocity_joint, only: angular_velocity
     use tandem_mechanism_joint, only: name_length
     use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_pose, only: pose_type, turned
@@ -245,7 +245,7 @@ contains
                 values(n + 1:n + 3) = body%r(:, 1)
                 n = n + 3
                 if (sensor%turns) then
-                    values(n + 1:n + 3) = spin_of(body, 0)
+                    values(n + 1:n + 3) = angular_velocity(body, 0)
                     n = n + 3
                 end if
                 values(n + 1:n + 3) = body%r(:, 2)

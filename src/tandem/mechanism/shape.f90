@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Masses and moments of inertia of simple shapes of uniform density.
+!> Masses and moments of inertia of simple homogeneous shapes.
 module tandem_mechanism_shape
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -7,21 +7,21 @@ module tandem_mechanism_shape
 
     public :: shape_names, shape_sizes, set_mass_of_shape
 
-    !> Shapes and their numbers of lengths: in the plane a bar (length, width); in space a box (edges), a cylinder about z (radius,
-    !> length), a sphere (radius).
+    !> Shapes and their dimensions. In the plane: bar (length, width). In space: box (edges), cylinder about z (radius, length),
+    !> sphere (radius).
     character(len=8), parameter :: shape_names(4) = [character(len=8) :: 'bar', 'box', 'cylinder', 'sphere']
     integer, parameter :: shape_sizes(4) = [2, 3, 2, 1]
 
 contains
 
-    !> Set the inertia about the centre of mass in the axes of the shape, and the mass if a density is given; the inertia is not
-    !> allocated if the shape does not exist in the plane or in space.
+    !> Set the inertia about the centre of mass in the axes of the shape and, if a density is given, the mass. The inertia is not
+    !> allocated if there is no such shape in the plane or in space.
     subroutine set_mass_of_shape(shape, sizes, planar, density, mass, inertia)
         character(len=*), intent(in) :: shape
-        !> Lengths of the shape (m).
+        !> Dimensions of the shape (m).
         real(wp), intent(in) :: sizes(:)
         logical, intent(in) :: planar
-        !> kg/m^3, or kg/m^2 in the plane.
+        !> Density (kg/m^3, in the plane kg/m^2).
         real(wp), intent(in), optional :: density
         real(wp), allocatable, intent(inout) :: mass
         real(wp), allocatable, intent(out) :: inertia(:)

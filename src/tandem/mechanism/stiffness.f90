@@ -1,19 +1,19 @@
 ! SPDX-License-Identifier: MIT
-!> Gradient blocks of a mechanism by bodies, element by element: the poses of its bodies get the columns of a small window, the
-!> element is differentiated into the window, and the window is added to the blocks of the bodies.
+!> Gradient blocks of a mechanism by bodies. For each element, the poses of its bodies temporarily refer to the columns of a small
+!> window; the element is differentiated into the window, and the window is added to the blocks of the bodies.
 !>
-!> Of the constraints, the curvatures of coincident points and of Euler parameters are included, which matter for hanging bodies.
-!> Those of axes and distances couple bodies without a common force and are omitted.
+!> Curvatures of constraints are included for coincident points and Euler parameters, which matter for hanging bodies. Those of axes
+!> and distances are omitted, because they couple bodies that have no force in common.
 submodule(tandem_mechanism) tandem_mechanism_stiffness
     use tandem_mechanism_formula, only: is_joint, is_joint_rate, is_time
     implicit none (type, external)
 
-    !> Blocks requested from the elements.
+    !> Blocks requested from each element.
     integer, parameter :: needed = need_dynamics_q + need_dynamics_qd
 
 contains
 
-    !> List the pairs of bodies with a common force, and find the size of the window.
+    !> List the pairs of bodies with a force in common, and determine the size of the window.
     module procedure list_coupled
         integer, allocatable :: pairs(:, :), bodies(:)
         integer :: i, k, n, pass, most
@@ -53,7 +53,7 @@ contains
         end subroutine add_pair
     end procedure list_coupled
 
-    !> Bodies that a load depends on, each once, beginning with the body on which it acts.
+    !> Bodies that a load depends on, without repetition, beginning with the body on which it acts.
     subroutine list_load(self, number, bodies)
         class(mechanism_type), intent(in) :: self
         integer, intent(in) :: number
@@ -69,10 +69,10 @@ contains
                     case (is_time)
                         cycle
                     case (is_joint, is_joint_rate)
-                        call join(self%coordinates(variables(i)%of)%first)
-                        call join(self%coordinates(variables(i)%of)%second)
+                        call join(self%coordinates(variables(i)%owner)%first)
+                        call join(self%coordinates(variables(i)%owner)%second)
                     case default
-                        call join(variables(i)%of)
+                        call join(variables(i)%owner)
                     end select
                 end do
             end associate
@@ -142,7 +142,7 @@ contains
         end do
     end procedure evaluate_stiffness
 
-    !> Give bodies, 0 for the ground, the columns of the window, in their order.
+    !> Assign columns of the window to the given bodies, in their order; 0 is the ground.
     subroutine open_window(self, bodies)
         class(mechanism_type), intent(inout) :: self
         integer, intent(in) :: bodies(:)
@@ -162,7 +162,7 @@ contains
         self%window%dynamics_qd(:n, :n) = 0.0_wp
     end subroutine open_window
 
-    !> Add the window to the blocks of the bodies, and restore their columns.
+    !> Add the window to the blocks of the bodies, and restore the columns of their poses.
     subroutine close_window(self, bodies, stiffness)
         class(mechanism_type), intent(inout) :: self
         integer, intent(in) :: bodies(:)

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Functions given by a table: piecewise linear, or a cubic spline, with two derivatives and a list of kinks.
+!> Functions given by a table: piecewise linear, or a cubic spline. Provides two derivatives and a list of kinks.
 module tandem_mechanism_table_function
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -10,16 +10,16 @@ module tandem_mechanism_table_function
 
     public :: table_type, table_kinds, table_ends
 
-    !> Interpolation between the points.
+    !> Kinds of interpolation.
     character(len=*), parameter :: table_kinds(2) = ['linear', 'cubic ']
-    !> Extrapolation beyond the first and the last point: constant, linear with the slope there, or periodic.
+    !> Kinds of extrapolation: constant, linear with the slope at the end, or periodic.
     character(len=*), parameter :: table_ends(3) = ['hold  ', 'extend', 'repeat']
 
-    !> Relative tolerance for equality up to rounding.
+    !> Relative difference below which values are equal up to rounding.
     real(wp), parameter :: rounding = 1.0e-10_wp
 
-    !> A table. Piece i is from point i to point i + 1, piece 0 before the first point, piece n after the last. Copies of a repeated
-    !> table have consecutive numbers, n - 1 pieces each.
+    !> A table. Piece i extends from point i to point i + 1; piece 0 lies before the first point, and piece n after the last. Copies
+    !> of a repeated table continue this numbering, with n - 1 pieces per copy.
     type :: table_type
         private
         !> Number of points.
@@ -27,16 +27,16 @@ module tandem_mechanism_table_function
         logical :: is_cubic = .false., is_repeated = .false.
         !> Pieces 0 to n: start, and coefficients of the powers 0 to 3 of the distance from the start.
         real(wp), allocatable :: x(:), c(:, :)
-        !> Lowest derivative that jumps at each point, -1 if none.
+        !> Lowest derivative that jumps at each point; -1 if none does.
         integer, allocatable :: orders(:)
     contains
-        procedure :: initialize, piece_at, evaluate, find_kinks, length_of_many
+        procedure :: initialize, piece_at, evaluate, find_kinks, search_length
         procedure, private :: point_before
     end type table_type
 
 contains
 
-    !> Make a table of points.
+    !> Construct a table from points.
     subroutine initialize(self, x, y, kind, error, ends)
         class(table_type), intent(out) :: self
         !> Points with increasing x.
@@ -44,8 +44,8 @@ contains
         !> One of `table_kinds`.
         character(len=*), intent(in) :: kind
         type(error_type), allocatable, intent(out) :: error
-        !> One of `table_ends`. By default a linear table is constant beyond its ends, and a cubic one linear, which gives no kinks.
-        !> A cubic table that is constant beyond its ends has zero slopes there.
+        !> One of `table_ends`. By default a linear table is extended by constants and a cubic one linearly, which gives no kinks. A
+        !> cubic table that is extended by constants has zero slopes at its ends.
         character(len=*), intent(in), optional :: ends
         character(len=len(table_ends)) :: beyond
         real(wp), allocatable :: values(:), m(:), h(:)
@@ -122,13 +122,14 @@ contains
         end if
     end subroutine check_points
 
-    !> Second derivatives of a cubic spline at its points. End conditions: second derivative zero; slope zero; or periodic.
+    !> Second derivatives of a cubic spline at its points. Conditions at the ends: zero second derivative, zero slope, or
+    !> periodicity.
     pure subroutine solve_spline(h, y, beyond, m)
-        !> Widths of the pieces, and values.
+        !> Lengths of the pieces; values at the points.
         real(wp), intent(in) :: h(:), y(:)
         character(len=*), intent(in) :: beyond
         real(wp), intent(out) :: m(:)
-        !> Diagonal, right-hand side, and correction for the corners of a periodic system.
+        !> Diagonal; right-hand side; correction for the corner entries of a periodic system.
         real(wp) :: diagonal(size(y)), z(size(y)), slope(size(h))
         real(wp) :: gamma, corner
         integer :: n
@@ -139,7 +140,7 @@ contains
         m(2:n - 1) = 6.0_wp*(slope(2:) - slope(:n - 2))
         select case (beyond)
         case ('repeat')
-            ! Points 1 and n coincide; the corners of the cyclic matrix are treated as a matrix of rank one.
+            ! Points 1 and n coincide. The corner entries of the cyclic matrix are treated as a correction of rank one.
             corner = h(n - 1)
             diagonal(1) = 2.0_wp*(h(1) + corner)
             m(1) = 6.0_wp*(slope(1) - slope(n - 1))
@@ -168,9 +169,9 @@ contains
         end select
     end subroutine solve_spline
 
-    !> Solve a symmetric tridiagonal system. The diagonal dominates, so that no pivoting is needed.
-    pure subroutine solve_tridiagonal(diagonal, beside, b)
-        real(wp), intent(in) :: diagonal(:), beside(:)
+    !> Solve a symmetric tridiagonal system that is diagonally dominant, so that no pivoting is required.
+    pure subroutine solve_tridiagonal(diagonal, off_diagonal, b)
+        real(wp), intent(in) :: diagonal(:), off_diagonal(:)
         !> Right-hand side on entry, solution on return.
         real(wp), intent(inout) :: b(:)
         real(wp) :: d(size(b)), factor
@@ -178,12 +179,12 @@ contains
 
         d = diagonal
         do i = 2, size(b)
-            factor = beside(i - 1)/d(i - 1)
-            d(i) = d(i) - factor*beside(i - 1)
+            factor = off_diagonal(i - 1)/d(i - 1)
+            d(i) = d(i) - factor*off_diagonal(i - 1)
             b(i) = b(i) - factor*b(i - 1)
         end do
         do i = size(b), 1, -1
-            if (i < size(b)) b(i) = b(i) - beside(i)*b(i + 1)
+            if (i < size(b)) b(i) = b(i) - off_diagonal(i)*b(i + 1)
             b(i) = b(i)/d(i)
         end do
     end subroutine solve_tridiagonal
@@ -206,7 +207,8 @@ contains
         end do
     end function point_before
 
-    !> Piece that contains t; a point belongs to the piece after it. For a repeated table, `find_kinks` must give no error for t.
+    !> Piece that contains t; a point belongs to the piece that follows it. For a repeated table, call `find_kinks` first, which
+    !> checks t.
     pure integer function piece_at(self, t) result(piece)
         class(table_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -227,7 +229,7 @@ contains
         class(table_type), intent(in) :: self
         real(wp), intent(in) :: t
         real(wp), intent(out) :: value, first, second
-        !> Piece, which extends smoothly beyond its ends; by default the piece that contains t.
+        !> Piece to evaluate, also beyond its ends; by default the piece that contains t.
         integer, intent(in), optional :: piece
         real(wp) :: s, period
         integer :: i
@@ -257,19 +259,19 @@ contains
         end associate
     end subroutine evaluate
 
-    !> Largest interval for one search for kinks: some thousand points of a repeated table.
-    pure real(wp) function length_of_many(self) result(length)
+    !> Longest interval for one search for kinks, which contains several thousand points of a repeated table.
+    pure real(wp) function search_length(self) result(length)
         class(table_type), intent(in) :: self
         integer, parameter :: many = 1000
 
         length = huge(length)
         if (self%is_repeated) length = (1 + many/self%n)*(self%x(self%n) - self%x(1))
-    end function length_of_many
+    end function search_length
 
-    !> Kinks within an interval, in increasing order, with the lowest derivative that jumps at each: 0 is the value.
+    !> Kinks within an interval in increasing order, with the lowest derivative that jumps at each; 0 is the value.
     subroutine find_kinks(self, from, to, places, orders, error)
         class(table_type), intent(in) :: self
-        !> Interval without its ends.
+        !> Interval, excluding its ends.
         real(wp), intent(in) :: from, to
         real(wp), allocatable, intent(out) :: places(:)
         integer, allocatable, intent(out) :: orders(:)
@@ -295,7 +297,7 @@ contains
         do pass = 1, 2
             n = 0
             do copy = first, last
-                ! The last point of a copy is the first one of the next.
+                ! The last point of a copy is the first point of the next one.
                 do i = 1, merge(self%n - 1, self%n, self%is_repeated)
                     place = self%x(i) + copy*period
                     if (place <= from .or. place >= to .or. self%orders(i) < 0) cycle
@@ -311,16 +313,16 @@ contains
         end do
     end subroutine find_kinks
 
-    !> Lowest derivative that jumps at each point: the first one that differs by more than rounding between adjacent pieces.
+    !> Lowest derivative that jumps at each point: the first one that differs between adjacent pieces by more than rounding.
     pure function kink_orders(self, narrowest) result(orders)
         type(table_type), intent(in) :: self
-        !> Width of the narrowest piece.
+        !> Length of the shortest piece.
         real(wp), intent(in) :: narrowest
         integer :: orders(self%n)
         real(wp) :: before(0:3), tolerance(0:3), h
         integer :: i, k, left
 
-        ! Coefficients are differences of values, divided by widths.
+        ! Coefficients are differences of values divided by powers of lengths.
         do k = 0, 3
             tolerance(k) = rounding*maxval(abs(self%c(k, :))) + 100.0_wp*epsilon(h)*maxval(abs(self%c(0, :)))/narrowest**k
         end do

@@ -1,10 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Rows of a joint at velocity level: the velocity of the second body's point relative to the first body along an axis fixed to the
-!> second body, or the angular velocity of the second body relative to the first about this axis, is e(t).
+!> Velocity-level rows of joints: along an axis fixed to the second body, the velocity of the second body's point relative to the
+!> first body is e(t); or about this axis, the angular velocity of the second body relative to the first is e(t).
 !>
-!> With a = A2 a', D = r2 + A2 s' - r1 and n = D x a the row is V = a.(rd2 - rd1) + (s' x a').w2' - n.w1 - e, w1 = 2 E(p1) pd1 in
-!> the world frame, w2' = 2 G(p2) pd2 in the frame of the body. The row of a rotation is V = a'.w2' - n.w1 - e with n = a. V_q, its
-!> derivative along the motion and the derivative of the row's coefficients give the gradient blocks (section 15 of doc/theory.md).
+!> With a = A2 a', D = r2 + A2 s' - r1 and n = D x a, the row of a displacement is V = a.(rd2 - rd1) + (s' x a').w2' - n.w1 - e,
+!> where w1 = 2 E(p1) pd1 is in the world frame and w2' = 2 G(p2) pd2 in the body frame. The row of a rotation is V = a'.w2' - n.w1
+!> - e with n = a. The gradient blocks follow from V_q, its derivative along the motion, and the derivative of the row's
+!> coefficients (section 15 of doc/theory.md).
 module tandem_mechanism_velocity_joint
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: add_block, columns, columns_of_c, n_local, place_1, place_2, put_row, turn_1, turn_2
@@ -18,11 +19,11 @@ module tandem_mechanism_velocity_joint
     implicit none (type, external)
     private
 
-    public :: velocity_joint_type, evaluate_velocity_joints, differentiate_velocity_joints, put_nonholonomic, turning_part, &
-        spinning_part, spin_of
+    public :: velocity_joint_type, evaluate_velocity_joints, differentiate_velocity_joints, put_nonholonomic, body_moment_row, &
+        world_moment_row, angular_velocity
 
     type :: velocity_joint_type
-        !> Bodies, 0 for the ground, and row of C.
+        !> Bodies, 0 for the ground; row of C.
         integer :: first = 0, second = 0, row = 0
         !> True for a displacement, false for a rotation.
         logical :: is_displacement = .false.
@@ -34,8 +35,9 @@ module tandem_mechanism_velocity_joint
 
 contains
 
-    !> k-th derivative along the motion of the coefficients of the rotation's rates for a moment fixed to the body.
-    pure function turning_part(body, k, moment) result(part)
+    !> Coefficients of the rates of the rotation in moment.w' for a moment fixed in the body frame, or their k-th derivative along
+    !> the motion.
+    pure function body_moment_row(body, k, moment) result(part)
         type(pose_type), intent(in) :: body
         integer, intent(in) :: k
         real(wp), intent(in) :: moment(3)
@@ -47,10 +49,11 @@ contains
         else if (body%n_turn == 1 .and. k == 0) then
             part(1) = moment(3)
         end if
-    end function turning_part
+    end function body_moment_row
 
-    !> The same for a moment fixed to the world.
-    pure function spinning_part(body, k, moment) result(part)
+    !> Coefficients of the rates of the rotation in moment.w for a moment fixed in the world frame, or their k-th derivative along
+    !> the motion.
+    pure function world_moment_row(body, k, moment) result(part)
         type(pose_type), intent(in) :: body
         integer, intent(in) :: k
         real(wp), intent(in) :: moment(3)
@@ -62,10 +65,10 @@ contains
         else if (body%n_turn == 1 .and. k == 0) then
             part(1) = moment(3)
         end if
-    end function spinning_part
+    end function world_moment_row
 
-    !> Angular velocity in the world frame, or its derivative if k is 1.
-    pure function spin_of(body, k) result(w)
+    !> Angular velocity in the world frame (k = 0), or its derivative (k = 1).
+    pure function angular_velocity(body, k) result(w)
         type(pose_type), intent(in) :: body
         integer, intent(in) :: k
         real(wp) :: w(3)
@@ -77,14 +80,14 @@ contains
         else if (body%n_turn == 1) then
             w(3) = body%p(1, k + 1)
         end if
-    end function spin_of
+    end function angular_velocity
 
-    !> n and its first derivative.
+    !> n, with its derivative along the motion if `last` is 1.
     pure subroutine lever(velocity_joint, one, two, last, a, d, n)
         type(velocity_joint_type), intent(in) :: velocity_joint
         type(pose_type), intent(in) :: one, two
         integer, intent(in) :: last
-        !> a and D.
+        !> a and D, also with derivatives.
         real(wp), intent(inout) :: a(3, 0:1), d(3, 0:1), n(3, 0:1)
         integer :: k
 
@@ -124,8 +127,8 @@ contains
                         row(place_1 + 1:place_1 + 3) = -a(:, 0)
                         row(place_2 + 1:place_2 + 3) = a(:, 0)
                     end if
-                    row(turn_1 + 1:turn_1 + 4) = -spinning_part(one, 0, n(:, 0))
-                    row(turn_2 + 1:turn_2 + 4) = turning_part(two, 0, velocity_joint%moment)
+                    row(turn_1 + 1:turn_1 + 4) = -world_moment_row(one, 0, n(:, 0))
+                    row(turn_2 + 1:turn_2 + 4) = body_moment_row(two, 0, velocity_joint%moment)
                     call put_row(columns_of_c(one, two), row, velocity_joint%row, terms%jacobian)
                 end if
                 if (iand(need, need_nu) /= 0) then
@@ -134,7 +137,7 @@ contains
                 end if
                 if (iand(need, need_gamma) /= 0) then
                     ! G(pd) pd = 0 and E(pd) pd = 0.
-                    w = spin_of(one, 0)
+                    w = angular_velocity(one, 0)
                     terms%gamma(velocity_joint%row) = -sum(n(:, 1)*w)
                     if (velocity_joint%is_displacement) terms%gamma(velocity_joint%row) = terms%gamma(velocity_joint%row) + &
                         sum(a(:, 1)*(two%r(:, 1) - one%r(:, 1)))
@@ -145,7 +148,7 @@ contains
         end do
     end subroutine evaluate_velocity_joints
 
-    !> Add the gradient blocks of every row.
+    !> Add the requested gradient blocks of every row.
     pure subroutine differentiate_velocity_joints(velocity_joints, need, pose, lambda, derivatives)
         type(velocity_joint_type), intent(in) :: velocity_joints(:)
         integer, intent(in) :: need
@@ -163,22 +166,22 @@ contains
                 c = columns(one, two)
                 call lever(velocity_joint, one, two, 1, a, d, n)
                 do k = 0, 1
-                    w(:, k) = spin_of(one, k)
+                    w(:, k) = angular_velocity(one, k)
                     v(:, k) = two%r(:, k + 1) - one%r(:, k + 1)
                 end do
                 v_q = 0.0_wp
                 e_rate = 0.0_wp
-                e_rate(turn_1 + 1:turn_1 + 4) = -spinning_part(one, 1, n(:, 0)) - spinning_part(one, 0, n(:, 1))
-                e_rate(turn_2 + 1:turn_2 + 4) = turning_part(two, 1, velocity_joint%moment)
-                ! Derivatives of -n.w1 with respect to p1, and of m'.w2' with respect to p2.
+                e_rate(turn_1 + 1:turn_1 + 4) = -world_moment_row(one, 1, n(:, 0)) - world_moment_row(one, 0, n(:, 1))
+                e_rate(turn_2 + 1:turn_2 + 4) = body_moment_row(two, 1, velocity_joint%moment)
+                ! Derivatives of -n.w1 with respect to p1, and of moment.w2' with respect to p2.
                 if (one%n_turn == 4) then
-                    v_q(turn_1 + 1:turn_1 + 4, 0) = spinning_part(one, 1, n(:, 0))
-                    v_q(turn_1 + 1:turn_1 + 4, 1) = spinning_part(one, 2, n(:, 0)) + spinning_part(one, 1, n(:, 1))
+                    v_q(turn_1 + 1:turn_1 + 4, 0) = world_moment_row(one, 1, n(:, 0))
+                    v_q(turn_1 + 1:turn_1 + 4, 1) = world_moment_row(one, 2, n(:, 0)) + world_moment_row(one, 1, n(:, 1))
                 end if
                 v_p = 0.0_wp
                 if (two%n_turn == 4) then
-                    v_p(:, 0) = -turning_part(two, 1, velocity_joint%moment)
-                    v_p(:, 1) = -turning_part(two, 2, velocity_joint%moment)
+                    v_p(:, 0) = -body_moment_row(two, 1, velocity_joint%moment)
+                    v_p(:, 1) = -body_moment_row(two, 2, velocity_joint%moment)
                 end if
                 if (velocity_joint%is_displacement) then
                     e_rate(place_1 + 1:place_1 + 3) = -a(:, 1)
@@ -201,7 +204,7 @@ contains
                 call put_nonholonomic(need, velocity_joint%row, c, v_q(:, 0), v_q(:, 1), e_rate, derivatives)
                 if (iand(need, need_dynamics_q) == 0) cycle
 
-                ! Derivatives of the coefficients with respect to q.
+                ! Gradients of the coefficients of the row with respect to q.
                 block = 0.0_wp
                 b_a = gradient_matrix(two, 0, velocity_joint%axis)
                 b_n = b_a
@@ -214,13 +217,13 @@ contains
                         column = 0.0_wp
                         column(j) = 1.0_wp
                         minus = cross(column, a(:, 0))
-                        e_a(:, j) = spinning_part(one, 0, minus)
+                        e_a(:, j) = world_moment_row(one, 0, minus)
                     end do
                     block(turn_1 + 1:turn_1 + 4, place_1 + 1:place_1 + 3) = e_a
                     block(turn_1 + 1:turn_1 + 4, place_2 + 1:place_2 + 3) = -e_a
                 end if
                 do j = 1, 4
-                    block(turn_1 + 1:turn_1 + 4, turn_2 + j) = -spinning_part(one, 0, b_n(:, j))
+                    block(turn_1 + 1:turn_1 + 4, turn_2 + j) = -world_moment_row(one, 0, b_n(:, j))
                 end do
                 if (one%n_turn == 4) block(turn_1 + 1:turn_1 + 4, turn_1 + 1:turn_1 + 4) = -2*e_transposed_gradient(n(:, 0))
                 if (two%n_turn == 4) block(turn_2 + 1:turn_2 + 4, turn_2 + 1:turn_2 + 4) = 2*t_matrix(velocity_joint%moment)
@@ -229,7 +232,7 @@ contains
         end do
     end subroutine differentiate_velocity_joints
 
-    !> Add x.(A s')_p with its derivative along the motion.
+    !> Add x.(A s')_p, and its derivative along the motion.
     pure subroutine add_turned(body, s, x, v_p)
         type(pose_type), intent(in) :: body
         real(wp), intent(in) :: s(3), x(3, 0:1)
@@ -239,8 +242,8 @@ contains
         v_p(:, 1) = v_p(:, 1) + gradient_of(body, 1, s, x(:, 0)) + gradient_of(body, 0, s, x(:, 1))
     end subroutine add_turned
 
-    !> Contributions of a row V = E qd - e at velocity level to the three blocks of the constraints: V_q, its derivative along the
-    !> motion, and the derivative of the row of E.
+    !> Add the contributions of a velocity-level row V = E qd - e to the gradient blocks of constraints, given V_q, its derivative
+    !> along the motion, and the derivative of E.
     pure subroutine put_nonholonomic(need, row, c, v_q, v_q_rate, e_rate, derivatives)
         integer, intent(in) :: need, row, c(n_local)
         real(wp), intent(in) :: v_q(n_local), v_q_rate(n_local), e_rate(n_local)

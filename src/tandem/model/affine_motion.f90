@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> A motion of all coordinates together: the field q' = L q + c, with few entries. Translations are constant fields; rotations act
-!> linearly on positions and on Euler parameters.
+!> Motions of all coordinates together: the vector field q' = L q + c with few nonzero entries. Translations are constant fields.
+!> Rotations act linearly on positions and on Euler parameters.
 !>
-!> A model lists such fields (`list_motions`); the analysis finds those, or the sums of them, that leave the equations invariant.
+!> A model lists such fields (`list_motions`). The analysis finds those fields, and sums of them, that leave the equations of motion
+!> invariant.
 module tandem_model_affine_motion
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -10,18 +11,18 @@ module tandem_model_affine_motion
 
     public :: affine_motion_type, motion_name_length
 
-    !> Length of the name of a motion, which may be composed of the names of two coordinates.
+    !> Length of the name of a motion, which may contain the names of two coordinates.
     integer, parameter :: motion_name_length = 196
 
     type :: affine_motion_type
-        !> Name for users.
+        !> Name in messages and results.
         character(len=motion_name_length) :: name = ''
-        !> True for a rotation of the world as a whole, false for one of a body about itself.
+        !> True for a rotation of the whole system about a world axis, false for a rotation of one body about a body axis.
         logical :: turns_world = .false.
         !> Nonzero entries of L: row, column, value.
         integer, allocatable :: row(:), column(:)
         real(wp), allocatable :: entry(:)
-        !> Nonzero entries of c: place, value.
+        !> Nonzero entries of c: index, value.
         integer, allocatable :: place(:)
         real(wp), allocatable :: constant(:)
     contains
@@ -30,7 +31,7 @@ module tandem_model_affine_motion
 
 contains
 
-    !> A field without entries.
+    !> Construct a field without entries.
     pure subroutine initialize(self, name, turns_world)
         class(affine_motion_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -71,7 +72,7 @@ contains
     !> y := y + factor (L q + c).
     pure subroutine add_field(self, q, factor, y)
         class(affine_motion_type), intent(in) :: self
-        !> (n)
+        !> Coordinates (n).
         real(wp), intent(in) :: q(:), factor
         real(wp), intent(inout) :: y(:)
         integer :: i
@@ -85,7 +86,7 @@ contains
     !> y := y + factor L x.
     pure subroutine add_turned(self, x, factor, y)
         class(affine_motion_type), intent(in) :: self
-        !> (n)
+        !> Vector (n).
         real(wp), intent(in) :: x(:), factor
         real(wp), intent(inout) :: y(:)
         integer :: i

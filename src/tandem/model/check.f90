@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Checks that a model is complete: valid sizes, required procedures present, lists of the right length.
+!> Checks that a model is complete: sizes are valid, required procedures are present, and lists have the right length.
 module tandem_model_check
     use tandem_error, only: error_type, set_error, to_text
     use tandem_model, only: model_type
@@ -16,7 +16,7 @@ module tandem_model_check
 
 contains
 
-    !> Refuse a model that cannot be simulated; the message states the missing part.
+    !> Refuse an incomplete model. The message names the missing part.
     subroutine check_model(model, error)
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
@@ -48,7 +48,7 @@ contains
     subroutine check_procedures(model, error)
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error
-        !> Single procedures of a model that has them.
+        !> True for each required procedure that the model has, whether fused or single.
         logical :: has(4)
 
         if (model%provides /= 0 .and. .not. associated(model%evaluate)) then
@@ -162,7 +162,7 @@ contains
         end if
     end subroutine check_breakpoints
 
-    !> Refuse a pattern that does not fit, with which a chart would compute another motion.
+    !> Refuse a pattern that does not match the model, since a chart would compute a different motion.
     subroutine check_pattern(model, error)
         class(model_type), intent(in) :: model
         type(error_type), allocatable, intent(out) :: error

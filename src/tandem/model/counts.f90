@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Counters of the work of a chart, which show that a scene performs no unnecessary work.
+!> Counters of the work of a chart. Tests use them to show that no work is repeated.
 module tandem_model_counts
     use tandem_kinds, only: long, wp
     use tandem_model_derivatives, only: n_derivatives
@@ -22,15 +22,16 @@ module tandem_model_counts
         integer(long) :: terms(n_terms) = 0, fused_calls = 0
         !> Evaluations of C in the search for integrable rows, once at the start.
         integer(long) :: start_evaluations = 0
-        !> Newton matrices of implicit stages (evaluations of their derivatives), their factorisations (a changed step needs one
-        !> without derivatives), corrections of stages, and stages.
+        !> Newton matrices of implicit stages, each with evaluations of derivatives; their factorisations, which a change of the
+        !> step size repeats without derivatives; corrections of stages; stages.
         integer(long) :: newton_matrices = 0, newton_factorizations = 0, newton_corrections = 0, implicit_stages = 0
-        !> Evaluations of each derivative by the model's own procedures, see `derivative_name`, and evaluations of terms for
+        !> Evaluations of each derivative by the model's own procedures, see `derivative_name`; evaluations of terms for finite
         !> differences in place of derivatives and of gamma.
         integer(long) :: derivatives(n_derivatives) = 0, difference_evaluations = 0, gamma_evaluations = 0
-        !> Noise of a gamma by differences: largest value on the natural scale of its row; 0 for a model with its own gamma.
+        !> Largest noise of a gamma that is computed by differences, on the natural scale of its row; 0 for a model that provides
+        !> gamma.
         real(wp) :: gamma_noise = 0.0_wp
-        !> Computations of the multipliers, of kinetic and of potential energy, which are made on request only.
+        !> Evaluations, on request only, of the multipliers, of the kinetic and of the potential energy.
         integer(long) :: multipliers = 0, kinetic_energies = 0, potential_energies = 0
     contains
         procedure :: pack_state
@@ -38,7 +39,7 @@ module tandem_model_counts
 
 contains
 
-    !> All counters.
+    !> Pack all counters.
     subroutine pack_state(self, pack)
         class(counts_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

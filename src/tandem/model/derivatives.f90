@@ -2,9 +2,9 @@
 !> Derivatives of the constraints and of the equations of motion at one point (t, q, qd, qdd, lambda), as the Newton matrix of
 !> an implicit step needs them, and the bits that name them in a need mask.
 !>
-!> The paper's terms (60)-(72) enter its Jacobian (76), (77) in five sums only: the gradients of the velocity constraints, of
-!> the acceleration constraints and of the equations of motion. A wrong derivative slows Newton's iteration down or stops
-!> it, but never changes the solution.
+!> The terms (60)-(72) of the paper enter its Jacobian (76), (77) only in five sums: the gradients of the velocity constraints, of
+!> the acceleration constraints, and of the equations of motion. An error in a derivative slows down or stops Newton's iteration,
+!> but cannot change the solution.
 module tandem_model_derivatives
     use tandem_kinds, only: wp
     implicit none (type, external)
@@ -32,14 +32,14 @@ module tandem_model_derivatives
     character(len=16), parameter :: derivative_name(n_derivatives) = &
         [character(len=16) :: 'velocity_q', 'acceleration_q', 'acceleration_qd', 'dynamics_q', 'dynamics_qd']
 
-    !> Values of the derivatives. A derivative that is zero for a model stays zero.
+    !> Values of the derivatives. A derivative that vanishes for a model remains zero.
     type :: derivatives_type
         !> (C qd - nu)_q, (C qdd + gamma)_q and gamma_qd (nh + nd, n).
         real(wp), allocatable :: velocity_q(:, :), acceleration_q(:, :), acceleration_qd(:, :)
         !> (M qdd + C' lambda - S - Q_A)_q and -(S + Q_A)_qd (n, n).
         real(wp), allocatable :: dynamics_q(:, :), dynamics_qd(:, :)
-        !> The column of each coordinate in the five matrices (n), where they are compressed: coordinates share a column if no row
-        !> of any of them has entries of both. Not allocated where column j is that of coordinate j.
+        !> Column of each coordinate in compressed matrices (n). Coordinates share a column if no row of any matrix has entries of
+        !> both. Not allocated if the matrices are not compressed.
         integer, allocatable :: column(:)
     contains
         procedure :: allocate => allocate_derivatives, column_of
@@ -47,12 +47,12 @@ module tandem_model_derivatives
 
 contains
 
-    !> Allocate every derivative with zeros.
+    !> Allocate all derivatives, set to zero.
     pure subroutine allocate_derivatives(self, n, m, column)
         class(derivatives_type), intent(inout) :: self
         !> Numbers of coordinates and of constraints.
         integer, intent(in) :: n, m
-        !> The columns of the coordinates (n); compresses the matrices. Only for models with `derives_by_bodies`.
+        !> Columns of the coordinates (n), which compresses the matrices. Only for models with `derives_by_bodies`.
         integer, intent(in), optional :: column(:)
         integer :: width
 
@@ -68,10 +68,10 @@ contains
         allocate (self%dynamics_q(n, width), self%dynamics_qd(n, width), source=0.0_wp)
     end subroutine allocate_derivatives
 
-    !> The column of a coordinate; 0 of none.
+    !> Column of a coordinate; 0 for coordinate 0.
     elemental integer function column_of(self, coordinate) result(column)
         class(derivatives_type), intent(in) :: self
-        !> Its number, or 0.
+        !> Index of the coordinate, or 0.
         integer, intent(in) :: coordinate
 
         column = coordinate

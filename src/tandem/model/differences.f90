@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Finite differences in place of missing procedures of a model: gamma, and the derivatives for implicit steppers.
+!> Finite differences that replace missing procedures of a model: gamma, and the derivatives for implicit steppers.
 module tandem_model_differences
     use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: add_product, add_transposed_product
@@ -26,21 +26,21 @@ module tandem_model_differences
         !> Terms of the model; true if the model has its own gamma.
         integer :: has = 0
         logical :: has_gamma = .false., has_constraints = .false.
-        !> True for derivatives of higher accuracy than a Newton matrix needs: central differences of fourth order.
+        !> True for fourth-order central differences, which are more accurate than a Newton matrix requires.
         logical, public :: is_central = .false.
         real(wp), allocatable :: q(:), qd(:), scale(:), displaced(:)
         !> 1 over the time scale of the model.
         real(wp) :: rate = 1.0_wp
-        !> Residuals at the point and at a displaced one: velocity, acceleration (m), dynamics (n).
+        !> Residuals at a displaced point and at the point itself: velocity, acceleration (m), dynamics (n).
         real(wp), allocatable :: velocity(:), acceleration(:), dynamics(:), velocity0(:), acceleration0(:), dynamics0(:)
-        !> Work space for single derivative procedures (m, n), (n, n).
+        !> Work space of single derivative procedures: (m, n) and (n, n).
         real(wp), allocatable :: block_m(:, :), block_n(:, :)
     contains
         procedure, public :: initialize, evaluate_gamma, evaluate_derivatives, has_all_derivatives, pack_state
-        procedure :: add_single, differentiate, difference_by, residuals
+        procedure :: set_single, differentiate, difference_by, residuals
     end type differences_type
 
-    !> Bits for terms of single procedures to be replaced by differences.
+    !> Bits of terms for which single procedures are missing, so that differences are required.
     integer, parameter :: from_jacobian = 1, from_nu = 2, from_gamma = 4, from_mass = 8, from_reaction = 16, from_force = 32
 
 contains
@@ -51,7 +51,7 @@ contains
         class(model_type), intent(inout), target :: model
         !> Coordinate scales (n).
         real(wp), intent(in) :: scale(:)
-        !> True to leave out matrices that a model with gamma and all five sums does not need; default false.
+        !> True to omit matrices that a model with gamma and all five derivatives does not use; default false.
         logical, intent(in), optional :: saves_memory
         logical :: is_lean
         integer :: m, n
@@ -91,10 +91,10 @@ contains
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
-        !> Displacements in units of s, and weights times s.
+        !> Displacements in units of s; weights times s.
         real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp]
         real(wp), parameter :: weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
-        !> eps**(1/5) balances rounding, eps / s, against truncation, s**4.
+        !> eps**(1/5) balances the rounding error eps/s and the truncation error s**4.
         real(wp), parameter :: balance = epsilon(1.0_wp)**0.2_wp
         real(wp) :: s, speed
         integer :: i
@@ -111,7 +111,7 @@ contains
             gamma = gamma - (weight(i)/s)*self%probe%terms%nu
             call add_product(self%probe%terms%jacobian, qd, weight(i)/s, gamma)
         end do
-        ! Rounding of C qd over s, relative to the natural scale of the row at least.
+        ! Rounding error of C qd divided by s, relative to at least the natural scale of the row.
         associate (c => self%probe%terms%jacobian)
             do i = 1, size(gamma)
                 counts%gamma_noise = max(counts%gamma_noise, epsilon(1.0_wp)*sum(abs(c(i, :)*qd))/s/ &
@@ -120,7 +120,7 @@ contains
         end associate
     end subroutine evaluate_gamma
 
-    !> All five derivatives: the model's own ones, and differences of its terms for the rest.
+    !> Set all five derivatives: by procedures of the model as far as it has them, by differences otherwise.
     subroutine evaluate_derivatives(self, t, q, qd, qdd, lambda, derivatives, counts, stat)
         class(differences_type), intent(inout) :: self
         !> Time, coordinates, velocities, accelerations (n), multipliers (m).
@@ -143,7 +143,7 @@ contains
                     if (btest(fused, i - 1)) counts%derivatives(i) = counts%derivatives(i) + 1
                 end do
             end if
-            if (stat == 0) call self%add_single(fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+            if (stat == 0) call self%set_single(fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
             if (associated(model%state%timer)) call model%state%timer%end_call()
             if (stat /= 0) then
                 stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
@@ -158,8 +158,9 @@ contains
         end associate
     end subroutine evaluate_derivatives
 
-    !> Set the sums that the fused procedure does not provide from the model's single procedures, and list the missing parts.
-    subroutine add_single(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
+    !> Set the derivatives that the fused procedure does not provide from single procedures of the model, and list the missing
+    !> parts.
+    subroutine set_single(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
         class(differences_type), intent(inout) :: self
         !> Sums already set.
         integer, intent(in) :: fused
@@ -179,9 +180,9 @@ contains
             missing_qd, stat)
         if (stat == 0) call add_single_dynamics(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, &
             stat)
-    end subroutine add_single
+    end subroutine set_single
 
-    !> Set the sums of the constraints.
+    !> Set the derivatives of the constraints.
     subroutine add_single_constraints(self, fused, t, q, qd, qdd, derivatives, counts, missing_q, missing_qd, stat)
         class(differences_type), intent(inout) :: self
         integer, intent(in) :: fused
@@ -241,7 +242,7 @@ contains
         end associate
     end subroutine add_single_constraints
 
-    !> Set the sums of the equations of motion.
+    !> Set the derivatives of the equations of motion.
     subroutine add_single_dynamics(self, fused, t, q, qd, qdd, lambda, derivatives, counts, missing_q, missing_qd, stat)
         class(differences_type), intent(inout) :: self
         integer, intent(in) :: fused
@@ -295,7 +296,7 @@ contains
         end associate
     end subroutine add_single_dynamics
 
-    !> Add differences of the missing parts, with respect to q or to qd.
+    !> Add differences of the missing parts with respect to q or qd.
     subroutine differentiate(self, by_qd, missing, fused, t, q, qd, qdd, lambda, derivatives, counts, stat)
         class(differences_type), intent(inout) :: self
         logical, intent(in) :: by_qd
@@ -337,8 +338,8 @@ contains
         end do
     end subroutine differentiate
 
-    !> Derivative of the missing parts with respect to entry j of self%q or self%qd, which stays displaced: a forward difference
-    !> from the stored residuals, or a central one.
+    !> Derivative of the missing parts with respect to entry j of self%q or self%qd, which remains displaced: a forward difference
+    !> from the stored residuals, or a central difference.
     subroutine difference_by(self, by_qd, j, missing, t, qd, qdd, lambda, counts, sums, stat)
         class(differences_type), intent(inout) :: self
         logical, intent(in) :: by_qd
@@ -349,7 +350,7 @@ contains
         !> Work space of central differences.
         real(wp), intent(inout), allocatable :: sums(:)
         integer, intent(out) :: stat
-        !> Displacements and weights of fourth order.
+        !> Displacements and weights of the fourth-order difference.
         real(wp), parameter :: place(4) = [-2.0_wp, -1.0_wp, 1.0_wp, 2.0_wp], weight(4) = [1.0_wp, -8.0_wp, 8.0_wp, -1.0_wp]/12.0_wp
         real(wp) :: x, scale, moved, delta
         integer :: i
@@ -366,7 +367,7 @@ contains
             self%dynamics = (self%dynamics - self%dynamics0)/delta
             return
         end if
-        ! A power of two, so that the displacements are exact to the last digit of x: eps**(1/5) balances rounding and truncation.
+        ! A power of two makes displacements exact. eps**(1/5) balances rounding and truncation errors.
         delta = 2.0_wp**nint(log(epsilon(1.0_wp)**0.2_wp*max(abs(x), scale))/log(2.0_wp))
         sums = 0.0_wp
         do i = 1, 4
@@ -415,8 +416,8 @@ contains
         has_all = all(has)
     end function has_all_derivatives
 
-    !> Missing parts of C qd - nu, C qdd + gamma and M qdd + C' lambda - S - Q_A at self%q. C is multiplied by the constant velocity
-    !> qd; gamma and the forces are evaluated with self%qd.
+    !> Missing parts of C qd - nu, C qdd + gamma and M qdd + C' lambda - S - Q_A at self%q. C is multiplied by the velocity qd,
+    !> which is constant; gamma and the forces are evaluated with self%qd.
     subroutine residuals(self, missing, t, qd, qdd, lambda, counts, stat)
         class(differences_type), intent(inout) :: self
         integer, intent(in) :: missing
@@ -457,7 +458,7 @@ contains
         end associate
     end subroutine residuals
 
-    !> State of the last evaluation: a constant mass matrix is not evaluated again.
+    !> Pack the last evaluation, because a constant mass matrix is not evaluated again.
     subroutine pack_state(self, pack)
         class(differences_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Evaluates the terms of a model: the fused procedure if the model has one, single procedures for the rest, no call for terms that
-!> the model lacks, a constant mass matrix once. Counts the evaluations.
+!> Evaluates the terms of a model: by the fused procedure if the model has one, by single procedures otherwise. Terms that the model
+!> lacks cost no call, and a constant mass matrix is evaluated once. Evaluations are counted.
 module tandem_model_evaluator
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: is_zero_where
@@ -22,47 +22,47 @@ module tandem_model_evaluator
     integer, parameter :: need_dynamics = need_dynamics_q + need_dynamics_qd
 
     type :: evaluator_type
-        !> Values of the last evaluation of each term, of the rows in use.
+        !> Values from the last evaluation of each term, for the rows in use.
         type(terms_type) :: terms
-        !> If rows were dropped: values of all rows of the model, and numbers of the rows in use.
+        !> If rows were dropped: values of all rows of the model, and indices of the rows in use.
         type(terms_type), allocatable :: all_rows
         integer, allocatable :: kept(:)
-        !> Terms of the model, a sum of need bits.
+        !> Terms that the model provides, a sum of need bits.
         integer :: has = 0
         !> Last term whose procedure failed, empty for the fused procedure.
         character(len=20) :: failed_term = ''
         class(model_type), pointer, private :: model => null()
-        !> True if the mass matrix is constant and was evaluated; to be reset when a parameter changes.
+        !> True if the mass matrix is constant and has been evaluated. Reset when a parameter changes.
         logical :: mass_is_known = .false.
-        !> True if the mass matrix counts as symmetric: after the check of the first one, or if the caller checks it.
+        !> True if the mass matrix need not be checked for symmetry: the first one has been checked, or the caller checks it.
         logical :: mass_is_trusted = .false.
-        !> True if all checks of the mass matrix are done.
-        logical, private :: mass_is_settled = .false.
-        !> Terms that one call of the model's `evaluate` sets in place, a sum of need bits; none if its time is taken, so that a run
-        !> without a profile has no overhead.
+        !> True if all checks of the mass matrix have been made.
+        logical, private :: mass_is_checked = .false.
+        !> Terms that one call of the model's `evaluate` sets in place, a sum of need bits. None if a timer is attached, so that
+        !> runs without a profile have no overhead.
         integer, private :: direct = 0
-        !> Diagonal blocks of M with more than one entry; M is diagonal outside of them. First and last coordinate of each, one
-        !> block after the other.
+        !> First and last coordinate of each diagonal block of M with more than one entry. M is diagonal outside of these blocks.
         integer :: n_blocks = 0
         integer, allocatable :: blocks(:)
-        !> 1 below the model's declared blocks, where M must be zero, and 0 elsewhere (n, n); not allocated without declared blocks.
+        !> 1 outside of the model's declared blocks in the lower triangle, where M must be zero, and 0 elsewhere (n, n). Not
+        !> allocated if no blocks are declared.
         real(wp), allocatable, private :: outside(:, :)
-        !> Work space of single procedures: one of the two forces (n).
+        !> Work space of single procedures: one of two forces (n).
         real(wp), allocatable, private :: part(:)
-        !> Friction on reactions at the last requested point: B (n, frictions), p (frictions) and its gradient (frictions, m); only
-        !> allocated for a model with such friction.
+        !> Friction on reactions at the last requested point: B (n, frictions), normal forces p (frictions) and their gradients
+        !> (frictions, m). Allocated only for a model with such friction.
         real(wp), allocatable :: directions(:, :), normals(:), normals_gradient(:, :)
     contains
         procedure :: segment, constant_mass, evaluate_stiffness, initialize, evaluate, evaluate_phi
-        procedure, private :: evaluate_parts, note_mass, take_kept, take_blocks
+        procedure, private :: evaluate_parts, check_mass, copy_rows_in_use, copy_blocks
         procedure :: judge_blocks
-        procedure, private :: judge_mass, find_blocks, add_block
+        procedure, private :: check_symmetry, find_blocks, add_block
         procedure :: times_jacobian, find_directions, add_friction, set_magnitudes, pack_state
     end type evaluator_type
 
 contains
 
-    !> Sizes of the coordinates in rows of Phi, see `model_type`.
+    !> Magnitudes of the coordinates in rows of Phi, see `model_type`.
     subroutine set_magnitudes(self, q, magnitude)
         class(evaluator_type), intent(in) :: self
         real(wp), intent(in), contiguous :: q(:)
@@ -75,13 +75,13 @@ contains
     subroutine initialize(self, model, kept, compressed, wants_mass, wants_jacobian)
         class(evaluator_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
-        !> Numbers of the constraint rows to use, ascending; all rows if absent.
+        !> Indices of the constraint rows to use, in increasing order; all rows by default.
         integer, intent(in), optional :: kept(:)
-        !> True to store the terms compressed, for a model with a pattern.
+        !> True to store terms in compressed form, for a model with a pattern.
         logical, intent(in), optional :: compressed
-        !> False if M is never requested.
+        !> False if M will never be requested.
         logical, intent(in), optional :: wants_mass
-        !> False if the caller sets C, which then has no columns here.
+        !> False if the caller sets C. C then has no columns here.
         logical, intent(in), optional :: wants_jacobian
         logical :: compresses, fills_mass
         integer :: nh, nd
@@ -93,7 +93,7 @@ contains
         if (present(wants_mass)) fills_mass = wants_mass
         self%mass_is_known = .false.
         self%mass_is_trusted = .false.
-        self%mass_is_settled = .false.
+        self%mass_is_checked = .false.
         nh = model%n_holonomic
         nd = model%n_nonholonomic
         if (allocated(self%all_rows)) deallocate (self%all_rows)
@@ -109,12 +109,12 @@ contains
         self%has = model%has_terms()
         allocate (self%part(merge(model%n, 0, iand(self%has - model%provides, need_force) /= 0)), source=0.0_wp)
         if (compresses) then
-            ! Compressed storage has no room for entries outside of the blocks.
+            ! Compressed storage has no entries outside of the blocks.
             self%n_blocks = 0
             self%blocks = [integer ::]
             if (allocated(self%outside)) deallocate (self%outside)
         else
-            call self%take_blocks()
+            call self%copy_blocks()
         end if
         self%direct = merge(0, model%provides, present(kept) .or. associated(model%state%timer))
         if (allocated(self%directions)) deallocate (self%directions, self%normals, self%normals_gradient)
@@ -123,7 +123,7 @@ contains
 
     contains
 
-        !> Allocate terms of given numbers of rows.
+        !> Allocate terms with the given numbers of rows.
         subroutine allocate_terms(terms, nh, nd)
             type(terms_type), intent(inout) :: terms
             integer, intent(in) :: nh, nd
@@ -154,7 +154,7 @@ contains
         end if
     end subroutine times_jacobian
 
-    !> B of friction on reactions, for a model with such friction.
+    !> Evaluate the matrix B of friction on reactions, for a model with such friction.
     subroutine find_directions(self, t, q, qd, stat)
         class(evaluator_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:)
@@ -170,7 +170,7 @@ contains
         stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
     end subroutine find_directions
 
-    !> Add friction on reactions for given multipliers to the forces, which are set.
+    !> Add friction on reactions, for given multipliers, to the forces that have been evaluated.
     subroutine add_friction(self, t, q, qd, lambda, stat)
         class(evaluator_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
@@ -199,10 +199,10 @@ contains
         constant_mass = self%model%constant_mass
     end function constant_mass
 
-    !> Derivatives of the forces by blocks of bodies.
+    !> Evaluate the derivatives of the forces by blocks of bodies.
     subroutine evaluate_stiffness(self, t, q, qd, qdd, lambda, stiffness, counts, stat)
         class(evaluator_type), intent(inout) :: self
-        !> As for the procedure of the model.
+        !> Arguments of the model's procedure.
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
         type(stiffness_type), intent(inout) :: stiffness
         type(counts_type), intent(inout) :: counts
@@ -219,7 +219,7 @@ contains
         if (stat /= 0) stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
     end subroutine evaluate_stiffness
 
-    !> Evaluate the terms of a need mask, as far as the model has them.
+    !> Evaluate the terms of a need mask that the model has.
     subroutine evaluate(self, need, t, q, qd, counts, stat)
         class(evaluator_type), intent(inout) :: self
         !> Requested terms, a sum of need bits.
@@ -229,7 +229,7 @@ contains
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
-        ! Indices of the table below; declared in the module, they would be global variables.
+        ! Indices of the table below. In the module they would be global variables.
         integer :: i, mask
         !> Number of evaluations of each term for each need mask.
         integer(long), parameter :: term_count(n_terms, 0:2**n_terms - 1) = &
@@ -243,7 +243,7 @@ contains
         if (wanted == 0) return
         counts%terms(:) = counts%terms + term_count(:, wanted)
         if (wanted == iand(wanted, self%direct)) then
-            ! The common case.
+            ! Most frequent case.
             counts%fused_calls = counts%fused_calls + 1
             call self%model%evaluate(wanted, t, q, qd, self%terms, stat)
             if (stat /= 0) self%failed_term = 'evaluate'
@@ -252,12 +252,12 @@ contains
         end if
         if (stat /= 0) then
             stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
-        else if (iand(wanted, need_mass) /= 0 .and. .not. self%mass_is_settled) then
-            call self%note_mass(stat)
+        else if (iand(wanted, need_mass) /= 0 .and. .not. self%mass_is_checked) then
+            call self%check_mass(stat)
         end if
     end subroutine evaluate
 
-    !> Evaluate Phi only, as iterations for the position do repeatedly.
+    !> Evaluate only Phi, as iterations for the position do repeatedly.
     subroutine evaluate_phi(self, t, q, counts, stat)
         class(evaluator_type), intent(inout) :: self
         !> Time, coordinates (n).
@@ -279,7 +279,7 @@ contains
         stat = merge(status_not_evaluable, status_callback_failed, stat > 0)
     end subroutine evaluate_phi
 
-    !> Evaluate terms by several procedures, or with dropped rows, or with a timer.
+    !> Evaluate terms by several procedures, with dropped rows, or with a timer.
     subroutine evaluate_parts(self, wanted, t, q, qd, counts, stat)
         class(evaluator_type), intent(inout) :: self
         integer, intent(in) :: wanted
@@ -292,7 +292,7 @@ contains
         if (iand(wanted, self%model%provides) /= 0) counts%fused_calls = counts%fused_calls + 1
         if (allocated(self%all_rows)) then
             call evaluate_terms(self%model, wanted, t, q, qd, self%all_rows, self%part, failed, stat)
-            if (stat == 0) call self%take_kept(wanted)
+            if (stat == 0) call self%copy_rows_in_use(wanted)
         else
             call evaluate_terms(self%model, wanted, t, q, qd, self%terms, self%part, failed, stat)
         end if
@@ -301,7 +301,7 @@ contains
         if (failed > 0) self%failed_term = term_name(failed)
     end subroutine evaluate_parts
 
-    !> Evaluate terms: the fused procedure for the terms it provides, single procedures for the rest.
+    !> Evaluate terms by the fused procedure as far as it provides them, and by single procedures otherwise.
     subroutine evaluate_terms(model, wanted, t, q, qd, terms, part, failed_term, stat)
         class(model_type), intent(inout) :: model
         integer, intent(in) :: wanted
@@ -309,7 +309,7 @@ contains
         type(terms_type), intent(inout) :: terms
         !> Work space (n).
         real(wp), intent(inout) :: part(:)
-        !> Index of the term whose procedure failed, 0 for the fused one.
+        !> Index of the term whose procedure failed; 0 for the fused procedure.
         integer, intent(out) :: failed_term
         !> Status of the procedure.
         integer, intent(out) :: stat
@@ -326,27 +326,27 @@ contains
         if (associated(model%state%timer)) call model%state%timer%end_call()
     end subroutine evaluate_terms
 
-    !> Check a mass matrix after its evaluation: the first one, or a constant one.
-    subroutine note_mass(self, stat)
+    !> Check a mass matrix after its evaluation: the first one of the run, or a constant one.
+    subroutine check_mass(self, stat)
         class(evaluator_type), intent(inout) :: self
         !> A status code.
         integer, intent(out) :: stat
 
         stat = status_ok
         if (.not. self%mass_is_trusted) then
-            call self%judge_mass(stat)
+            call self%check_symmetry(stat)
             if (stat == status_ok) call self%judge_blocks(stat)
         end if
         if (self%model%constant_mass) then
             if (.not. self%terms%is_compressed) call self%find_blocks()
             self%mass_is_known = .true.
         else
-            self%mass_is_settled = .true.
+            self%mass_is_checked = .true.
         end if
-    end subroutine note_mass
+    end subroutine check_mass
 
     !> Copy the diagonal blocks of M declared by the model.
-    subroutine take_blocks(self)
+    subroutine copy_blocks(self)
         class(evaluator_type), intent(inout) :: self
         integer :: b, first, last
 
@@ -366,7 +366,7 @@ contains
                 self%outside(last + 1:, first:last) = 1.0_wp
             end do
         end associate
-    end subroutine take_blocks
+    end subroutine copy_blocks
 
     !> Find the smallest diagonal blocks that contain all entries of a constant M.
     subroutine find_blocks(self)
@@ -390,7 +390,7 @@ contains
         end associate
     end subroutine find_blocks
 
-    !> Append a block unless it is a single entry.
+    !> Append a block, except for a block of one entry.
     pure subroutine add_block(self, first, last)
         class(evaluator_type), intent(inout) :: self
         integer, intent(in) :: first, last
@@ -400,8 +400,8 @@ contains
         self%blocks = [self%blocks, first, last]
     end subroutine add_block
 
-    !> Refuse a mass matrix that is nonzero outside of the model's declared blocks, because omitting such entries would change the
-    !> motion. For a constant M the blocks are computed.
+    !> Refuse a mass matrix with nonzero entries outside of the model's declared blocks, since omitting such entries would change
+    !> the motion. For a constant M the blocks are computed instead.
     subroutine judge_blocks(self, stat)
         class(evaluator_type), intent(inout) :: self
         !> `status_ok` or `status_invalid_model`.
@@ -422,11 +422,12 @@ contains
     end subroutine judge_blocks
 
     !> Refuse an asymmetric mass matrix. NaN are detected elsewhere.
-    subroutine judge_mass(self, stat)
+    subroutine check_symmetry(self, stat)
         class(evaluator_type), intent(inout) :: self
         !> `status_ok` or `status_invalid_model`.
         integer, intent(out) :: stat
-        !> Tolerances relative to the entries and to the largest one, for models that compute the two entries of a pair differently.
+        !> Tolerances relative to both entries and to the largest entry. Models may compute the two entries of a pair by different
+        !> formulas.
         real(wp), parameter :: of_entry = 1.0e-6_wp, of_largest = 1.0e-12_wp
         real(wp) :: largest, allowed
         integer :: i, j
@@ -434,7 +435,7 @@ contains
         stat = status_ok
         self%mass_is_trusted = .true.
         if (self%terms%is_compressed) then
-            call judge_compressed()
+            call check_compressed_symmetry()
             return
         end if
         associate (mass => self%terms%mass)
@@ -452,8 +453,8 @@ contains
 
     contains
 
-        !> The same for a compressed matrix.
-        subroutine judge_compressed()
+        !> Check a compressed matrix.
+        subroutine check_compressed_symmetry()
             integer :: first
 
             first = 1
@@ -470,11 +471,11 @@ contains
                     end do
                 end do
             end associate
-        end subroutine judge_compressed
-    end subroutine judge_mass
+        end subroutine check_compressed_symmetry
+    end subroutine check_symmetry
 
     !> Copy the rows in use.
-    subroutine take_kept(self, wanted)
+    subroutine copy_rows_in_use(self, wanted)
         class(evaluator_type), intent(inout) :: self
         !> Evaluated terms.
         integer, intent(in) :: wanted
@@ -487,9 +488,9 @@ contains
             if (iand(wanted, need_mass) /= 0) terms%mass = all_rows%mass
             if (iand(wanted, need_force) /= 0) terms%force = all_rows%force
         end associate
-    end subroutine take_kept
+    end subroutine copy_rows_in_use
 
-    !> State of the last evaluation.
+    !> Pack the last evaluation.
     subroutine pack_state(self, pack)
         class(evaluator_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Integrable nonholonomic rows: constraints on the position that should be holonomic, because only for holonomic rows the position
-!> is constrained.
+!> Finds integrable nonholonomic rows. Such rows are equivalent to constraints on the position and should be holonomic, because the
+!> position error is controlled only for holonomic rows.
 !>
-!> Frobenius: a row E_i qd = e_i, the form w = E_i dq - e_i dt, is integrable on the manifold of Phi if the three-form w dw vanishes
-!> on all directions of (q, t) that dPhi allows; rows are integrable together if every dw_i vanishes on the directions that all of
-!> them allow. A form that vanishes on some random directions vanishes on all with probability one. Differences along a few
-!> directions therefore suffice for all rows at once, and neither work nor memory grows with the square of the number of rows.
-!> Central differences are used. A coincidence at one point is excluded by tests at other points and times: a wheel that is steered
-!> by 1 - cos(t) has the rows of an unsteered one at t = 0.
+!> Frobenius' theorem: a row E_i qd = e_i, with the form w = E_i dq - e_i dt, is integrable on the manifold of Phi if the three-form
+!> w dw vanishes on all directions of (q, t) that dPhi allows. Several rows are integrable together if every dw_i vanishes on the
+!> directions that all of them allow. A form that vanishes on some random directions vanishes on all directions with probability
+!> one. Central differences along a few directions therefore test all rows, and neither work nor memory is quadratic in the number
+!> of rows. Tests at other points and times exclude coincidences: a wheel that is steered by 1 - cos(t) has the rows of an unsteered
+!> wheel at t = 0.
 !> Source: R. M. Murray, Z. Li, S. S. Sastry, A Mathematical Introduction to Robotic Manipulation, CRC Press 1994, section 6.2 and
 !> chapter 7.
 module tandem_model_integrability
@@ -26,19 +26,19 @@ module tandem_model_integrability
 
     !> Forms and their derivatives at one point.
     type :: forms_type
-        !> Point, and scales of time and of the coordinates there (n).
+        !> Time of the point, its coordinates, and the scales there: of time and of the coordinates (n).
         real(wp) :: t = 0.0_wp, time_scale = 1.0_wp
         real(wp), allocatable :: q(:), scale(:)
-        !> Rows of [C, -nu] in scaled (q, t), of unit length, and their lengths (m, n + 1), (m).
+        !> Rows of [C, -nu] in scaled (q, t), normalised to unit length (m, n + 1), and their lengths (m).
         real(wp), allocatable :: rows(:, :), length(:)
-        !> Random directions a (n + 1, k); dw_i(a, b) = slope(i, b, a) - slope(i, a, b), and the sums of moduli of the terms in
-        !> these slopes.
+        !> Random directions a (n + 1, k); slopes, with dw_i(a, b) = slope(i, b, a) - slope(i, a, b); sums of the absolute values of
+        !> the terms in the slopes.
         real(wp), allocatable :: directions(:, :), slope(:, :, :), magnitude(:, :, :)
     end type forms_type
 
-    !> Numbers of directions: four make four triples, three make three pairs.
+    !> Numbers of random directions for one row and for all rows together: four give four triples, three give three pairs.
     integer, parameter :: n_alone = 4, n_together = 3
-    !> Tolerance of a vanishing form relative to its terms: differences have an error of 1e-9.
+    !> Largest value of a vanishing form relative to its terms. Differences have an error of about 1e-9.
     real(wp), parameter :: small = 1.0e-6_wp
 
 contains
@@ -69,14 +69,14 @@ contains
         do i = 1, n_points
             forms%t = t + (i - 1)*distance*forms%time_scale
             forms%q = q + (i - 1)*distance*scale*[(sin(real(i + 3*j, wp)), j=1, size(q))]
-            call load(evaluator, forms, counts, stat)
+            call evaluate_forms(evaluator, forms, counts, stat)
             if (stat == status_ok .and. any(is_alone)) then
                 call test_alone(evaluator, model%n_holonomic, forms, seed, counts, is_alone, stat)
             end if
             if (stat == status_ok .and. together) then
                 call test_together(evaluator, model%n_holonomic, forms, seed, counts, together, stat)
             end if
-            ! A point without values gives no result.
+            ! A point that cannot be evaluated gives no result.
             if (stat /= status_ok) is_alone = .false.
             if (stat /= status_ok) together = .false.
             if (.not. (any(is_alone) .or. together)) exit
@@ -85,8 +85,8 @@ contains
         together = together .and. size(alone) == 0
     end subroutine find_integrable_rows
 
-    !> Set the forms at their point, of unit length.
-    subroutine load(evaluator, forms, counts, stat)
+    !> Evaluate the forms at their point, normalised to unit length.
+    subroutine evaluate_forms(evaluator, forms, counts, stat)
         type(evaluator_type), intent(inout) :: evaluator
         type(forms_type), intent(inout) :: forms
         type(counts_type), intent(inout) :: counts
@@ -101,9 +101,9 @@ contains
         do i = 1, size(forms%rows, 2)
             forms%rows(:, i) = forms%rows(:, i)/forms%length
         end do
-    end subroutine load
+    end subroutine evaluate_forms
 
-    !> Rows of [C diag(s), -nu] in the scaled time.
+    !> Evaluate the rows of [C diag(s), -nu] in scaled time.
     subroutine evaluate(evaluator, forms, time, place, counts, rows, stat)
         type(evaluator_type), intent(inout) :: evaluator
         type(forms_type), intent(in) :: forms
@@ -124,25 +124,25 @@ contains
         if (.not. sum(abs(rows)) <= huge(1.0_wp)) stat = -1
     end subroutine evaluate
 
-    !> Test the rows individually: w dw of three directions that Phi allows.
+    !> Test each row by itself: w dw of three directions that Phi allows.
     subroutine test_alone(evaluator, nh, forms, seed, counts, is_alone, stat)
         type(evaluator_type), intent(inout) :: evaluator
         integer, intent(in) :: nh
         type(forms_type), intent(inout) :: forms
         integer, intent(inout) :: seed
         type(counts_type), intent(inout) :: counts
-        !> True for rows that have passed so far (nd).
+        !> True for rows that have passed all tests so far (nd).
         logical, intent(inout) :: is_alone(:)
         integer, intent(out) :: stat
-        !> Part of each row orthogonal to dPhi, and its values along the directions.
+        !> Orthonormal basis of the rows of dPhi; part of each row orthogonal to them; values of these parts along the directions.
         real(wp), allocatable :: fixed(:, :), own(:, :), value(:, :)
         real(wp) :: length, size_of_terms, three_form
         logical :: can
         integer :: a, b, c, i
 
-        ! Fewer than three directions need no test.
+        ! Fewer than three directions always pass.
         stat = status_ok
-        call draw(forms, nh, n_alone, 3, seed, fixed, can)
+        call generate_directions(forms, nh, n_alone, 3, seed, fixed, can)
         if (.not. can) then
             is_alone = .false.
             return
@@ -183,7 +183,7 @@ contains
         end function magnitude
     end subroutine test_alone
 
-    !> Test all rows together: every dw of two directions that all of them allow.
+    !> Test all rows together: every dw of two directions that all rows allow.
     subroutine test_together(evaluator, nh, forms, seed, counts, together, stat)
         type(evaluator_type), intent(inout) :: evaluator
         integer, intent(in) :: nh
@@ -196,7 +196,7 @@ contains
         integer :: a, b
 
         stat = status_ok
-        call draw(forms, size(forms%rows, 1), n_together, 2, seed, fixed, together)
+        call generate_directions(forms, size(forms%rows, 1), n_together, 2, seed, fixed, together)
         if (.not. together) return
         deallocate (fixed)
         together = .false.
@@ -211,15 +211,15 @@ contains
         together = .true.
     end subroutine test_together
 
-    !> Draw random directions that the first rows allow.
-    subroutine draw(forms, n_rows, most, least, seed, fixed, can)
+    !> Generate random directions that the first rows allow.
+    subroutine generate_directions(forms, n_rows, most, least, seed, fixed, can)
         type(forms_type), intent(inout) :: forms
         !> Number of rows; largest and smallest number of directions.
         integer, intent(in) :: n_rows, most, least
         integer, intent(inout) :: seed
-        !> Orthonormal basis of the span of the rows (n + 1, n_rows).
+        !> Orthonormal basis of the rows (n + 1, n_rows).
         real(wp), allocatable, intent(out) :: fixed(:, :)
-        !> False if there are too few directions, or the rows are dependent.
+        !> False if there are too few directions or if the rows are dependent.
         logical, intent(out) :: can
         type(basis_type) :: basis
         integer :: a, n
@@ -238,9 +238,9 @@ contains
         end do
         fixed = basis%q(:, :n_rows)
         forms%directions = forms%directions - matmul(fixed, matmul(transpose(fixed), forms%directions))
-    end subroutine draw
+    end subroutine generate_directions
 
-    !> Derivatives of the nonholonomic rows along all directions, contracted with all directions.
+    !> Differentiate the nonholonomic rows along all directions and contract the derivatives with all directions.
     subroutine differentiate(evaluator, nh, forms, counts, stat)
         type(evaluator_type), intent(inout) :: evaluator
         integer, intent(in) :: nh

@@ -21,16 +21,16 @@ module tandem_model_kinetic_energy
         !> M qd (n).
         real(wp), allocatable :: momentum(:)
     contains
-        procedure :: find, forget, pack_state
+        procedure :: find, clear, pack_state
         procedure, private :: attach
     end type kinetic_energy_type
 
 contains
 
-    !> The energy at a state: the model's own, or by its mass matrix.
+    !> Kinetic energy at a state, by the model's own procedure or by its mass matrix.
     subroutine find(self, model, t, q, qd, counts, energy, stat)
         class(kinetic_energy_type), intent(inout) :: self
-        !> The same in all calls.
+        !> The same model in all calls.
         class(model_type), intent(inout), target :: model
         !> Time, coordinates and velocities (n).
         real(wp), intent(in) :: t
@@ -53,7 +53,7 @@ contains
         end if
     end subroutine find
 
-    !> The energy by the mass matrix.
+    !> Kinetic energy by the mass matrix.
     subroutine find_by_mass(self, model, t, q, qd, counts, energy, stat)
         class(kinetic_energy_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
@@ -87,7 +87,7 @@ contains
         self%evaluator%mass_is_trusted = .true.
     end subroutine attach
 
-    !> A constant mass matrix, if it was evaluated. A restored state may have other parameters than the run before.
+    !> Pack a constant mass matrix that has been evaluated. A restored state may have other parameters than the preceding run.
     subroutine pack_state(self, model, pack)
         class(kinetic_energy_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
@@ -102,14 +102,14 @@ contains
             call pack%item(self%evaluator%terms%mass)
             self%evaluator%mass_is_known = .true.
         else
-            call self%forget()
+            call self%clear()
         end if
     end subroutine pack_state
 
-    !> Parameters of the model have changed.
-    subroutine forget(self)
+    !> Discard the stored mass matrix, because parameters of the model have changed.
+    subroutine clear(self)
         class(kinetic_energy_type), intent(inout) :: self
 
         if (allocated(self%evaluator)) self%evaluator%mass_is_known = .false.
-    end subroutine forget
+    end subroutine clear
 end module tandem_model_kinetic_energy

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Sorts items to lists that are stored consecutively, such as the bodies of each row.
+!> Sorts items into lists that are stored one after the other, such as the bodies of each row.
 module tandem_model_lists
     implicit none (type, external)
     private
@@ -8,10 +8,10 @@ module tandem_model_lists
 
 contains
 
-    !> Set up each list with each of its items once and in ascending order. Lists are short: each is sorted by insertion.
+    !> Sort items into their lists, each item once per list and in increasing order. Lists are short and are sorted by insertion.
     pure subroutine sort_to_lists(n_lists, lists, given, start, items)
         integer, intent(in) :: n_lists
-        !> Pairs of a list and an item, in any order, repetitions allowed; pairs with a 0 are ignored.
+        !> Pairs of a list and an item, in any order. Repetitions are allowed; pairs with a zero are ignored.
         integer, intent(in) :: lists(:), given(:)
         !> List i is items(start(i) : start(i + 1) - 1).
         integer, allocatable, intent(out) :: start(:), items(:)
@@ -33,7 +33,7 @@ contains
             list(next(lists(k))) = given(k)
             next(lists(k)) = next(lists(k)) + 1
         end do
-        ! The sorted part never overtakes the unsorted part, so that both use the same array.
+        ! Sorted lists never extend into pairs that are still to be sorted, so that both share the same array.
         n = 0
         do i = 1, n_lists
             last = n

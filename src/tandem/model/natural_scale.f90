@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Constraint errors on the natural scale of each row: an error is compared with the terms that cancel in its row.
+!> Constraint errors on the natural scale of each row: an error is divided by the size of the terms that cancel in its row.
 !>
-!> The scale of row i is sum_j |C_ij| |y_j| plus the modulus of its right-hand side, with y = q, qd or qdd. Its floor replaces |y_j|
-!> by the coordinate's typical magnitude s_j (for qd and qdd: s_j over the time scale and over its square), so that a mechanism at
-!> rest or at the origin has a scale too.
+!> The scale of row i is sum_j |C_ij| |y_j| plus the absolute value of its right-hand side, with y = q, qd or qdd. Here |y_j| is at
+!> least the typical magnitude s_j of the coordinate (for qd and qdd: s_j over the time scale and over its square), so that scales
+!> are positive at rest and at the origin too.
 module tandem_model_natural_scale
     use tandem_kinds, only: lane, short, wp
     use tandem_model_terms, only: terms_type
@@ -12,7 +12,7 @@ module tandem_model_natural_scale
 
     public :: constraint_errors, position_errors, velocity_errors
 
-    !> Sums of a row: C qd, C qdd, and the scales at the three levels.
+    !> Sums over a row: C qd, C qdd, and the scales at the three levels.
     integer, parameter :: of_velocity = 1, of_acceleration = 2, q_scale = 3, qd_scale = 4, qdd_scale = 5, n_sums = 5
 
 contains
@@ -37,8 +37,8 @@ contains
         call find_worst(size(nu), .true., nu, jacobian, qd, scale, error, row)
     end subroutine velocity_errors
 
-    !> Both, and max_i |C qdd + gamma|_i / scale_i, and their rows; 0 at position level without holonomic rows. One pass through C,
-    !> `lane` rows at a time: no work space, and inner loops of constant length.
+    !> Errors at all three levels, including max_i |C qdd + gamma|_i / scale_i, and their rows; 0 at position level if there are no
+    !> holonomic rows. C is read once, `lane` rows at a time, without work space and with inner loops of constant length.
     pure subroutine constraint_errors(terms, q, qd, qdd, scale, rate, errors, rows)
         !> Phi, C, nu and gamma.
         type(terms_type), intent(in) :: terms
@@ -56,7 +56,7 @@ contains
         errors = -1.0_wp
         rows = 0
         do b = 0, m - 1, lane
-            ! Columns that end too close to the end of memory are copied.
+            ! Columns that end too close to the end of the array are copied.
             whole = max(n - (b + lane - 1)/m, 0)
             do j = whole + 1, n
                 call get_column(m, n, b, j, terms%jacobian, tail(:, j - whole))
@@ -70,14 +70,14 @@ contains
             end do
             call add_columns(whole, m, terms%jacobian(b + 1, 1), q, qd, qdd, scale, rate, sums)
             call add_columns(n - whole, lane, tail, q(whole + 1:), qd(whole + 1:), qdd(whole + 1:), scale(whole + 1:), rate, sums)
-            call judge(b, size(terms%phi), .false., 0.0_wp, terms%phi, sums(:, of_velocity), sums(:, q_scale), errors(1), rows(1))
-            call judge(b, m, .true., -1.0_wp, terms%nu, sums(:, of_velocity), sums(:, qd_scale), errors(2), rows(2))
-            call judge(b, m, .true., 1.0_wp, terms%gamma, sums(:, of_acceleration), sums(:, qdd_scale), errors(3), rows(3))
+            call update(b, size(terms%phi), .false., 0.0_wp, terms%phi, sums(:, of_velocity), sums(:, q_scale), errors(1), rows(1))
+            call update(b, m, .true., -1.0_wp, terms%nu, sums(:, of_velocity), sums(:, qd_scale), errors(2), rows(2))
+            call update(b, m, .true., 1.0_wp, terms%gamma, sums(:, of_acceleration), sums(:, qdd_scale), errors(3), rows(3))
         end do
         if (size(terms%phi) == 0) errors(1) = 0.0_wp
     end subroutine constraint_errors
 
-    !> Add n columns with the distance m: C qd, C qdd and the scales of `lane` rows from the first entry of c on.
+    !> Add n columns, m entries apart, to C qd, C qdd and the scales of `lane` rows, of which c contains the first.
     pure subroutine add_columns(n, m, c, q, qd, qdd, scale, rate, sums)
         integer, intent(in) :: n, m
         real(wp), intent(in) :: c((n - 1)*m + lane), q(n), qd(n), qdd(n), scale(n), rate
@@ -106,7 +106,8 @@ contains
         end do
     end subroutine add_columns
 
-    !> Largest error of the rows of g, the first of m rows, and its row. The residual is g, or with `is_linear` C y - g.
+    !> Largest error of the rows of g, the first of m rows, and the row in which it occurs. The residual is g or, with `is_linear`,
+    !> C y - g.
     pure subroutine find_worst(m, is_linear, g, c, y, scale, error, row)
         integer, intent(in) :: m
         logical, intent(in) :: is_linear
@@ -131,11 +132,11 @@ contains
                     row_scale(i) = row_scale(i) + abs(column(i))*magnitude
                 end do
             end do
-            call judge(b, size(g), is_linear, -1.0_wp, g, product, row_scale, error, row)
+            call update(b, size(g), is_linear, -1.0_wp, g, product, row_scale, error, row)
         end do
     end subroutine find_worst
 
-    !> Rows b + 1 to b + lane of a column of C (m, n). Entries after the last row are arbitrary.
+    !> Rows b + 1 to b + lane of column j of C (m, n). Entries beyond the last row are arbitrary.
     pure subroutine get_column(m, n, b, j, c, column)
         integer, intent(in) :: m, n, b, j
         real(wp), intent(in) :: c(m*n)
@@ -160,10 +161,10 @@ contains
         end if
     end subroutine get_column
 
-    !> Largest |residual|/scale of rows b + 1 to b + lane, of l rows in total, if it exceeds the previous ones; a NaN counts as
-    !> infinite, a zero row as its own scale. The residual of a row is g, or with `is_linear` product + sign g, whose scale includes
-    !> |g|.
-    pure subroutine judge(b, l, is_linear, sign, g, product, row_scale, error, row)
+    !> Largest |residual|/scale of the rows b + 1 to b + lane, of l rows in total, if it exceeds the previous maximum. NaN counts as
+    !> infinite; a row of zeros has the scale of its residual. The residual is g or, with `is_linear`, product + sign g, where the
+    !> scale includes |g|.
+    pure subroutine update(b, l, is_linear, sign, g, product, row_scale, error, row)
         integer, intent(in) :: b, l
         logical, intent(in) :: is_linear
         real(wp), intent(in) :: sign, g(l), product(lane), row_scale(lane)
@@ -182,7 +183,7 @@ contains
                 residual = product(i) + sign*residual
             end if
             size_of_terms = max(size_of_terms, tiny(1.0_wp))
-            ! Few rows exceed the previous ones, and the others need no division.
+            ! Few rows exceed the previous maximum. The others need no division.
             if (abs(residual) <= error*size_of_terms .and. size_of_terms <= huge(1.0_wp)) cycle
             residual = abs(residual)/size_of_terms
             if (.not. residual <= huge(1.0_wp)) residual = huge(1.0_wp)
@@ -190,5 +191,5 @@ contains
             error = residual
             row = b + i
         end do
-    end subroutine judge
+    end subroutine update
 end module tandem_model_natural_scale

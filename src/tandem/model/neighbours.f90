@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Which bodies of a large mechanism are neighbours, and groups of bodies whose columns of a matrix can be found together.
+!> Neighbouring bodies of a large mechanism, and groups of bodies whose columns of a matrix can be computed together by differences.
 !>
 !> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
 module tandem_model_neighbours
@@ -12,7 +12,7 @@ module tandem_model_neighbours
 
 contains
 
-    !> The bodies with which each one shares a row or a force.
+    !> List the neighbours of each body: the bodies with which it shares a constraint row or a force.
     pure subroutine find_neighbours(pattern, neighbours)
         type(pattern_type), intent(in) :: pattern
         type(list_type), allocatable, intent(out) :: neighbours(:)
@@ -23,7 +23,7 @@ contains
         allocate (all_of(pattern%n_bodies), neighbours(pattern%n_bodies))
         allocate (mark(pattern%n_bodies), source=0)
         do i = 1, pattern%n_rows
-            ! Rows of a joint touch the same bodies.
+            ! Successive rows of a joint involve the same bodies.
             if (i > 1) then
                 if (is_as_before(i)) cycle
             end if
@@ -51,6 +51,7 @@ contains
 
     contains
 
+        !> True if a row has the same bodies as the previous one.
         pure logical function is_as_before(row)
             integer, intent(in) :: row
 
@@ -62,29 +63,29 @@ contains
         end function is_as_before
     end subroutine find_neighbours
 
-    !> Groups of bodies that have no neighbour in common, and are none of each other. Ends with more groups than the most that are
-    !> wanted, when bodies are left over.
+    !> Partition bodies into groups. Two bodies of a group neither are neighbours nor have a neighbour in common. Stops, with bodies
+    !> left over, once there are more than `most` groups.
     pure subroutine find_groups(neighbours, most, group, n_groups)
         type(list_type), intent(in) :: neighbours(:)
         integer, intent(in) :: most
         integer, allocatable, intent(out) :: group(:)
         integer, intent(out) :: n_groups
-        integer, allocatable :: taken_by(:)
+        integer, allocatable :: used_by(:)
         integer :: b, g, i, j, near
 
-        allocate (group(size(neighbours)), taken_by(size(neighbours) + 1), source=0)
+        allocate (group(size(neighbours)), used_by(size(neighbours) + 1), source=0)
         n_groups = 0
         do b = 1, size(neighbours)
             do i = 1, neighbours(b)%n
                 near = neighbours(b)%item(i)
-                if (group(near) > 0) taken_by(group(near)) = b
+                if (group(near) > 0) used_by(group(near)) = b
                 do j = 1, neighbours(near)%n
                     g = group(neighbours(near)%item(j))
-                    if (g > 0) taken_by(g) = b
+                    if (g > 0) used_by(g) = b
                 end do
             end do
             g = 1
-            do while (taken_by(g) == b)
+            do while (used_by(g) == b)
                 g = g + 1
             end do
             group(b) = g
@@ -93,11 +94,12 @@ contains
         end do
     end subroutine find_groups
 
-    !> Coordinates and rows in an order of elimination that leaves few entries: by bodies, each row with the first of its bodies.
+    !> Elimination order of coordinates and constraint rows with little fill-in: coordinates by bodies, each row with the first of
+    !> its bodies.
     subroutine order_unknowns(pattern, neighbours, order)
         type(pattern_type), intent(in) :: pattern
         type(list_type), intent(in) :: neighbours(:)
-        !> Coordinates by their numbers, rows by theirs behind those of the coordinates (n + m).
+        !> Coordinates by their indices, rows by their indices plus the number of coordinates (n + m).
         integer, allocatable, intent(out) :: order(:)
         type(list_type), allocatable :: left(:), none(:), rows_of(:)
         integer, allocatable :: of_bodies(:), place_of(:)
@@ -133,7 +135,7 @@ contains
                     order(n) = n_coordinates + rows_of(b)%item(k)
                 end do
             end do
-            ! Rows that touch nothing.
+            ! Rows without bodies.
             do i = 1, pattern%n_rows
                 if (pattern%row_start(i + 1) > pattern%row_start(i)) cycle
                 n = n + 1

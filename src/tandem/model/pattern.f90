@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Entries of C and M that may be nonzero, as declared by a model: bodies, which are ranges of coordinates that contain the blocks
-!> of M, and the bodies of each row of C. The terms are then stored compressed, C as (m, width) and M as (n, mass_width), so that
-!> memory grows with the number of bodies.
+!> Sparsity of C and M as declared by a model: its bodies, which are ranges of coordinates that contain the blocks of M, and the
+!> bodies of each row of C. The terms can then be stored in compressed form, C as (m, width) and M as (n, mass_width), so that
+!> memory is proportional to the number of bodies.
 !>
-!> Two bodies with a common row have separate columns; others may share columns, as colours of a map are shared (A. R. Curtis, M. J.
-!> D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119). Entry (i, j) of C is stored in (i, column(j)), for any row i
-!> that contains the body of j, and entry (i, j) of M in (i, mass_column(j)).
+!> Bodies with a common row have separate columns; others may share columns, by the graph colouring of A. R. Curtis, M. J. D.
+!> Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119. Entry (i, j) of C is stored in (i, column(j)) for every row i that
+!> contains the body of j, and entry (i, j) of M in (i, mass_column(j)).
 module tandem_model_pattern
     use tandem_error, only: to_text
     use tandem_kinds, only: long, wp
@@ -16,36 +16,37 @@ module tandem_model_pattern
     public :: pattern_type
 
     type :: pattern_type
-        !> Numbers of bodies and of rows, of columns of a compressed C and M, and of entries of C.
+        !> Numbers of bodies, of rows, of columns of compressed C and M, and of entries of C.
         integer :: n_bodies = 0, n_rows = 0, width = 0, mass_width = 0, n_entries = 0
         !> First coordinate of each body, and the number of coordinates plus one (n_bodies + 1).
         integer, allocatable :: first(:)
         !> Bodies of row i: row_body(row_start(i):row_start(i + 1) - 1), ascending.
         integer, allocatable :: row_start(:), row_body(:)
-        !> Owner of a row, 0 if none: the only body in the row, whose block of M is singular without the row. The row is the norm of
-        !> Euler parameters. A body owns at most one row.
+        !> Owner of a row, 0 if none. The owner is the only body in the row, and its block of M is singular without the row, which
+        !> is the norm of its Euler parameters. A body owns at most one row.
         integer, allocatable :: owner(:)
         !> Compressed columns of C and M (n).
         integer, allocatable :: column(:), mass_column(:)
-        !> A chart may request that rows be set together, the part of each body as a block (rows, coordinates) in `terms%blocks`, in
-        !> which unset entries are zero. Number of rows that begin with a row, 0 if none (n_rows); for these the offset of the block
-        !> of each body in `row_body`; not allocated without such a request. For joints with coincident points (below) the columns
-        !> of positions are constant: models do not set them, and the blocks may omit them.
+        !> Blocks that a chart requests: the entries of several consecutive rows in the columns of one body, stored as (rows,
+        !> coordinates) in `terms%blocks`, where entries that are not set are zero. For each row, number of rows in the block that
+        !> begins with it, 0 if none (n_rows); for each entry of `row_body`, offset of its block. Not allocated if no blocks are
+        !> requested. For joints with coincident points (see below), the columns of positions are constant: models do not set them,
+        !> and blocks may omit them.
         integer, allocatable :: block_height(:), block_start(:)
-        !> True for rows at which a block begins that the model sets, instead of `terms%jacobian` (n_rows); not allocated if the
-        !> model sets no block, or before `note_blocks`.
+        !> True for rows at which a block begins that the model sets in place of `terms%jacobian` (n_rows). Not allocated if the
+        !> model sets no blocks, or before `note_blocks`.
         logical, allocatable :: in_blocks(:)
         !> True if the model sets all requested blocks.
         logical :: all_in_blocks = .false.
-        !> Joints whose first rows are those of coincident points, hinges in space and pins in the plane: number of rows of the
-        !> joint that begins with a row (n_rows), 5 or 2, 0 if none; at the entries of that row in `row_body` the sign of the
-        !> position of the body: C there is the unit matrix with this sign in its first 3 or 2 rows, and zero in the others. Not
-        !> allocated if the model declares none.
+        !> Joints that begin with the rows of coincident points: hinges in space and pins in the plane. For each row, number of rows
+        !> of the joint that begins with it: 5, 2, or 0 if none (n_rows). For each entry of `row_body`, sign of the body's position:
+        !> C has the unit matrix with this sign in the first 3 or 2 rows of the joint, and zeros in the other rows. Not allocated if
+        !> the model declares no such joints.
         integer, allocatable :: meeting_height(:), meeting_sign(:)
-        !> Problem in the arguments of `build`, blank if none; `check_model` refuses the model with it.
+        !> Fault of the arguments of `build`, blank if none. `check_model` reports it.
         character(len=120) :: fault = ''
-        !> Pairs of bodies whose forces depend on each other's coordinates (2, any), for `evaluate_stiffness` and the analysis of
-        !> large systems; repetitions are allowed, 0 is the ground; not allocated: none.
+        !> Pairs of bodies whose forces depend on each other's coordinates (2, number of pairs), for `evaluate_stiffness` and for
+        !> the analysis of large systems. Repetitions are allowed, and 0 denotes the ground. Not allocated if there are none.
         integer, allocatable :: coupled(:, :)
     contains
         procedure :: build, tell_meeting, find_fault, multiply, add_transposed, multiply_mass, add_row_scales, block_of
@@ -57,16 +58,16 @@ contains
     !> Set bodies and rows.
     pure subroutine build(self, first, mass_blocks, n_rows, rows, bodies, owner)
         class(pattern_type), intent(inout) :: self
-        !> First coordinate of each body and n + 1; sizes of the diagonal blocks of M in their order.
+        !> First coordinate of each body, and n + 1; sizes of the diagonal blocks of M in order.
         integer, intent(in) :: first(:), mass_blocks(:)
         integer, intent(in) :: n_rows
-        !> Pairs of a row and a body, in any order, repetitions allowed; a body 0 is the ground and is ignored.
+        !> Pairs of a row and a body in any order. Repetitions are allowed; body 0 denotes the ground and is ignored.
         integer, intent(in) :: rows(:), bodies(:)
         !> Owners of the rows (n_rows), 0 if none.
         integer, intent(in) :: owner(:)
         integer :: b, j, k, n
 
-        self%fault = unusable(first, mass_blocks, n_rows, rows, bodies, owner)
+        self%fault = argument_fault(first, mass_blocks, n_rows, rows, bodies, owner)
         if (self%fault /= '') return
         self%n_bodies = size(first) - 1
         self%n_rows = n_rows
@@ -91,10 +92,10 @@ contains
         if (allocated(self%meeting_height)) deallocate (self%meeting_height, self%meeting_sign)
     end subroutine build
 
-    !> Declare a joint with coincident points.
+    !> Declare a joint that begins with the rows of coincident points.
     pure subroutine tell_meeting(self, row, height, first_body)
         class(pattern_type), intent(inout) :: self
-        !> First row, number of rows, and the body whose position has a negative sign; 0 is the ground.
+        !> First row, number of rows, and the body whose position has a negative sign, 0 for the ground.
         integer, intent(in) :: row, height, first_body
         integer :: k
 
@@ -107,10 +108,11 @@ contains
         end do
     end subroutine tell_meeting
 
-    !> Offset in `terms%blocks` of a body's block of some rows; -1 if the chart does not request exactly these rows together.
+    !> Offset in `terms%blocks` of the block of several rows and a body; -1 if the chart has not requested a block of exactly these
+    !> rows.
     pure integer function block_of(self, row, height, body)
         class(pattern_type), intent(in) :: self
-        !> First row, number of rows, and the body.
+        !> First row, number of rows, and body.
         integer, intent(in) :: row, height, body
         integer :: k
 
@@ -121,8 +123,8 @@ contains
         end do
     end function block_of
 
-    !> Problem in a list given to `build`, blank if none.
-    pure function unusable(first, mass_blocks, n_rows, rows, bodies, owner) result(fault)
+    !> Fault of the lists given to `build`, blank if none.
+    pure function argument_fault(first, mass_blocks, n_rows, rows, bodies, owner) result(fault)
         integer, intent(in) :: first(:), mass_blocks(:), n_rows, rows(:), bodies(:), owner(:)
         character(len=120) :: fault
         integer :: k, n
@@ -146,10 +148,10 @@ contains
             if (k <= size(rows)) fault = 'pair '//to_text(k)//' is of row '//to_text(rows(k))//' and body '// &
                 to_text(bodies(k))//', where there are '//to_text(n_rows)//' rows and '//to_text(n)//' bodies'
         end if
-    end function unusable
+    end function argument_fault
 
-    !> Mismatch of a pattern with a model of n coordinates and m constraints, or a contradiction within it, blank if none. It would
-    !> make a chart read undefined entries, or misinterpret a row.
+    !> Mismatch between a pattern and a model with n coordinates and m constraints, or contradiction within the pattern; blank if
+    !> none. With such a fault a chart would read undefined entries or misinterpret rows.
     pure function find_fault(self, n, m) result(fault)
         class(pattern_type), intent(in) :: self
         integer, intent(in) :: n, m
@@ -175,7 +177,7 @@ contains
         end if
     end function find_fault
 
-    !> Check that blocks of M are within bodies.
+    !> Check that the blocks of M lie within bodies.
     pure subroutine find_fault_of_mass(self, fault)
         type(pattern_type), intent(in) :: self
         character(len=*), intent(inout) :: fault
@@ -194,11 +196,11 @@ contains
         if (maxval(self%mass_column) > self%mass_width) fault = 'a block of M is wider than mass_width'
     end subroutine find_fault_of_mass
 
-    !> Check that rows contain existing bodies in separate columns, and that rows with an owner contain no other body.
+    !> Check that rows refer to existing bodies with separate columns, and that rows with an owner contain no other body.
     pure subroutine find_fault_of_rows(self, fault)
         type(pattern_type), intent(in) :: self
         character(len=*), intent(inout) :: fault
-        integer :: taken_by(max(self%width, 1)), owned_by(self%n_bodies), b, i, j, k
+        integer :: used_by(max(self%width, 1)), owned_by(self%n_bodies), b, i, j, k
 
         if (any(self%row_start(2:) < self%row_start(:self%n_rows)) .or. self%row_start(1) /= 1 .or. &
             self%row_start(self%n_rows + 1) /= size(self%row_body) + 1) then
@@ -211,17 +213,17 @@ contains
             fault = 'a column of C is not within its width'
             return
         end if
-        taken_by = 0
+        used_by = 0
         owned_by = 0
         do i = 1, self%n_rows
             associate (from => self%row_start(i), to => self%row_start(i + 1) - 1)
                 do k = from, to
                     do j = self%first(self%row_body(k)), self%first(self%row_body(k) + 1) - 1
-                        if (taken_by(self%column(j)) == i) then
+                        if (used_by(self%column(j)) == i) then
                             fault = 'row '//to_text(i)//' touches two coordinates with the same column of C'
                             return
                         end if
-                        taken_by(self%column(j)) = i
+                        used_by(self%column(j)) = i
                     end do
                 end do
                 b = self%owner(i)
@@ -244,15 +246,15 @@ contains
         end do
     end subroutine find_fault_of_rows
 
-    !> Columns of the compressed C: each body takes the first colour unused by all bodies with which it has a common row.
+    !> Columns of compressed C: each body gets the first colour that is not used by a body with a common row.
     pure subroutine colour(self)
         class(pattern_type), intent(inout) :: self
-        integer, allocatable :: body_start(:), body_row(:), colour_of(:), taken_by(:), width(:), rows(:)
+        integer, allocatable :: body_start(:), body_row(:), colour_of(:), used_by(:), width(:), rows(:)
         integer :: b, c, i, j, k, n_colours
 
         associate (n_bodies => self%n_bodies, row_start => self%row_start, row_body => self%row_body)
-            allocate (colour_of(n_bodies), taken_by(n_bodies), width(n_bodies), source=0)
-            ! An array constructor with nested loops would grow element by element.
+            allocate (colour_of(n_bodies), used_by(n_bodies), width(n_bodies), source=0)
+            ! An array constructor with nested loops would be reallocated for every entry.
             allocate (rows(size(row_body)))
             do i = 1, self%n_rows
                 rows(row_start(i):row_start(i + 1) - 1) = i
@@ -264,11 +266,11 @@ contains
                     i = body_row(k)
                     do j = row_start(i), row_start(i + 1) - 1
                         c = colour_of(row_body(j))
-                        if (c > 0) taken_by(c) = b
+                        if (c > 0) used_by(c) = b
                     end do
                 end do
                 c = 1
-                do while (taken_by(c) == b)
+                do while (used_by(c) == b)
                     c = c + 1
                 end do
                 colour_of(b) = c
@@ -353,7 +355,7 @@ contains
             if (last == first) then
                 y(first) = mass(first, 1)*x(first)
             else if (last == first + 3) then
-                ! Euler parameters: a loop of known length.
+                ! Euler parameters: the loop has constant length.
                 !GCC$ UNROLL 1
                 do i = first, first + 3
                     y(i) = (mass(i, 1)*x(first) + mass(i, 2)*x(first + 1)) + &
@@ -370,12 +372,12 @@ contains
         end do
     end subroutine multiply_mass
 
-    !> Natural scales of rows without their right-hand sides: scales(i) = sum_j |C_ij| max(|x_j|, floor_j).
+    !> Add the natural scales of rows without their right-hand sides: sum_j |C_ij| max(|x_j|, floor_j).
     pure subroutine add_row_scales(self, jacobian, x, floor, scales)
         class(pattern_type), intent(in) :: self
         !> Compressed C (m, width), x and floor (n).
         real(wp), intent(in) :: jacobian(:, :), x(:), floor(:)
-        !> (m), updated by addition.
+        !> Scales (m), to which the sums are added.
         real(wp), intent(inout) :: scales(:)
         integer :: i, j, k
 

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> A model with one procedure for each term: an extension of the model that calls them when terms are requested.
+!> Models with one procedure per term.
 !>
 !> Associate the procedures of the terms that the model has; a term without a procedure is zero. A model may also associate
-!> `evaluate` for some terms, which are those in `provides`; the single procedures are called for the rest. The same holds for
-!> derivatives: differences replace those that neither `evaluate_derivatives` nor a single procedure provides.
+!> `evaluate` for the terms in `provides`; single procedures are called for all other terms. Likewise, differences replace
+!> derivatives that neither `evaluate_derivatives` nor a single procedure provides.
 module tandem_model_procedures
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
@@ -17,28 +17,29 @@ module tandem_model_procedures
 
     public :: procedure_model_type
 
-    !> A model by single procedures. They are not bound to this type: their first argument is any model, `class(model_type)`.
+    !> A model with single procedures. They are not bound to this type: their first argument is of `class(model_type)`.
     type, extends(model_type) :: procedure_model_type
         !> Phi(t, q) (nh); required if nh > 0.
         procedure(vector_of_position), pointer, nopass :: holonomic => null()
         !> Phi_q(t, q) (nh, n); required if nh > 0.
         procedure(matrix_of_position), pointer, nopass :: holonomic_jacobian => null()
-        !> Phi_t(t, q) (nh); only if Phi depends on time.
+        !> Phi_t(t, q) (nh); required if Phi depends on time.
         procedure(vector_of_position), pointer, nopass :: holonomic_rate => null()
         !> E(t, q) (nd, n); required if nd > 0.
         procedure(matrix_of_position), pointer, nopass :: nonholonomic_jacobian => null()
-        !> e(t, q) (nd); only if e is not zero.
+        !> e(t, q) (nd); required if e is not zero.
         procedure(vector_of_position), pointer, nopass :: nonholonomic_rhs => null()
-        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8); if missing, differences of C and nu along the motion replace it, and
-        !> their noise, which is in the report, limits the accuracy.
+        !> gamma(t, q, qd) (nh + nd) of C qdd = -gamma (8). If missing, it is computed by differences of C and nu along the motion,
+        !> whose noise, which is reported, limits the accuracy.
         procedure(vector_of_motion), pointer, nopass :: constraint_acceleration => null()
         !> M(q) (n, n), symmetric; required.
         procedure(mass_interface), pointer, nopass :: mass_matrix => null()
-        !> S(q, qd) (n); only if it is not zero.
+        !> S(q, qd) (n); required if it is not zero.
         procedure(inertia_interface), pointer, nopass :: inertia_force => null()
-        !> Q_A(t, q, qd) (n); only if it is not zero.
+        !> Q_A(t, q, qd) (n); required if it is not zero.
         procedure(vector_of_motion), pointer, nopass :: applied_force => null()
-        !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This and the next seven are for implicit steppers only.
+        !> C2(q, x) = (C x)_q (nh + nd, n) for a constant x (72). This derivative and the following ones are for implicit steppers
+        !> only.
         procedure(direction_derivative), pointer, nopass :: jacobian_derivative => null()
         !> nu_q (nh + nd, n).
         procedure(matrix_of_position), pointer, nopass :: nu_derivative => null()
@@ -55,7 +56,7 @@ module tandem_model_procedures
     end type procedure_model_type
 
     abstract interface
-        !> A vector that depends on time and position.
+        !> Evaluate a vector that depends on time and position.
         subroutine vector_of_position(self, t, q, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -70,7 +71,7 @@ module tandem_model_procedures
             integer, intent(out) :: stat
         end subroutine vector_of_position
 
-        !> A matrix that depends on time and position: one row per constraint, one column per coordinate.
+        !> Evaluate a matrix that depends on time and position, with one row per constraint and one column per coordinate.
         subroutine matrix_of_position(self, t, q, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -81,7 +82,7 @@ module tandem_model_procedures
             integer, intent(out) :: stat
         end subroutine matrix_of_position
 
-        !> A vector that depends on time, position and velocity.
+        !> Evaluate a vector that depends on time, position and velocity.
         subroutine vector_of_motion(self, t, q, qd, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -92,7 +93,7 @@ module tandem_model_procedures
             integer, intent(out) :: stat
         end subroutine vector_of_motion
 
-        !> A matrix that depends on time, position and velocity.
+        !> Evaluate a matrix that depends on time, position and velocity.
         subroutine matrix_of_motion(self, t, q, qd, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -102,7 +103,7 @@ module tandem_model_procedures
             integer, intent(out) :: stat
         end subroutine matrix_of_motion
 
-        !> The mass matrix.
+        !> Evaluate the mass matrix.
         subroutine mass_interface(self, q, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -112,7 +113,7 @@ module tandem_model_procedures
             integer, intent(out) :: stat
         end subroutine mass_interface
 
-        !> The inertia force, which does not depend on time.
+        !> Evaluate the inertia force, which does not depend on time.
         subroutine inertia_interface(self, q, qd, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -122,7 +123,7 @@ module tandem_model_procedures
             integer, intent(out) :: stat
         end subroutine inertia_interface
 
-        !> A derivative of C x or C' x with respect to q for a constant x.
+        !> Evaluate the derivative of C x or C'x with respect to q for a constant x.
         subroutine direction_derivative(self, t, q, x, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -133,7 +134,7 @@ module tandem_model_procedures
             integer, intent(out) :: stat
         end subroutine direction_derivative
 
-        !> The derivative of M x with respect to q for a constant x.
+        !> Evaluate the derivative of M x with respect to q for a constant x.
         subroutine mass_derivative_interface(self, q, x, value, stat)
             import :: model_type, wp
             implicit none (type, external)
@@ -146,7 +147,7 @@ module tandem_model_procedures
 
 contains
 
-    !> Terms of the model, a sum of need bits.
+    !> Terms that the model provides, a sum of need bits.
     pure integer function has_terms(self)
         class(procedure_model_type), intent(in) :: self
 
@@ -156,7 +157,7 @@ contains
         if (associated(self%inertia_force) .or. associated(self%applied_force)) has_terms = ior(has_terms, need_force)
     end function has_terms
 
-    !> True if there is a procedure for a part of the derivatives.
+    !> True if the model has a procedure for a part of the derivatives.
     pure logical function gives(self, part)
         class(procedure_model_type), intent(in) :: self
         integer, intent(in) :: part
@@ -174,7 +175,7 @@ contains
         end select
     end function gives
 
-    !> Evaluate a part of the derivatives.
+    !> Evaluate a part of the derivatives by a single procedure.
     subroutine evaluate_part(self, part, t, q, v, value, stat)
         class(procedure_model_type), intent(inout) :: self
         integer, intent(in) :: part
@@ -198,7 +199,7 @@ contains
         end select
     end subroutine evaluate_part
 
-    !> Evaluate terms by the model's single procedures.
+    !> Evaluate terms by single procedures.
     subroutine evaluate_single(self, wanted, t, q, qd, terms, part, failed_term, stat)
         class(procedure_model_type), intent(inout) :: self
         integer, intent(in) :: wanted
@@ -282,7 +283,7 @@ contains
         end associate
     end subroutine evaluate_nu
 
-    !> S + Q_A; a model may have either or both.
+    !> Set S + Q_A. A model may have either force or both.
     subroutine evaluate_force(self, t, q, qd, force, part, stat)
         class(procedure_model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:)

@@ -6,12 +6,12 @@ module tandem_model_quantity
 
     public :: quantity_type, label_length
 
-    !> Length of the name of a coordinate, unit or constraint row.
+    !> Length of the names of coordinates, units and constraint rows.
     integer, parameter :: label_length = 96
 
     !> A quantity of the motion other than a coordinate.
     type :: quantity_type
-        !> `NAME/WHAT`, as in files.
+        !> Path `NAME/WHAT` in files.
         character(len=label_length + 16) :: path = ''
         !> Number of components, 0 for a scalar.
         integer :: width = 0
@@ -20,9 +20,9 @@ module tandem_model_quantity
         character(len=80) :: meaning = ''
         !> Group of files, blank if none.
         character(len=16) :: group = 'sensors'
-        !> Bodies of a force: the first acts on the second; components that redundant constraints leave undetermined.
+        !> Bodies of a force, where the first acts on the second; names of components that redundant constraints leave undetermined.
         character(len=label_length) :: between(2) = '', undetermined = ''
-        !> True if it depends on multipliers; true if a state without accelerations and history determines it.
+        !> True if the quantity depends on multipliers; true if a state without accelerations and history determines it.
         logical :: of_multipliers = .false., of_state = .true.
     contains
         procedure :: place

@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Redundant constraints at a start: dependent rows that can be dropped, contradictions between rows, and rows that are dependent
-!> only in a singular configuration, which are not redundant.
+!> Analysis of redundant constraints at a start. Distinguishes dependent rows that can be dropped, rows that contradict each other,
+!> and rows that are dependent only in a singular configuration, which are not redundant.
 !>
-!> A row is redundant if it depends on the kept ones (`split_rows` chooses them) and still does at neighbouring states, reached
-!> along the motions that these allow. Works on the rows of the model, without a chart. Used only if a chart finds dependent rows.
+!> A row is redundant if it depends on the other rows (`split_rows` selects the rows to keep) and still depends on them at
+!> neighbouring states that these rows allow. The analysis uses the rows of the model, without a chart, and is made only if a chart
+!> finds dependent rows.
 module tandem_model_redundancy
     use tandem_kinds, only: wp
     use tandem_linalg_dependence, only: count_independent, split_rows
@@ -21,44 +22,44 @@ module tandem_model_redundancy
     public :: redundancy_type
 
     type :: redundancy_type
-        !> Numbers, in the model, of the rows to use and of the rows to drop.
+        !> Indices, in the model, of the rows to use and of the rows to drop.
         integer, allocatable :: kept(:), dropped(:)
         !> C(dropped, :) = combination C(kept, :).
         real(wp), allocatable :: combination(:, :)
-        !> Coordinates (n), projected onto all rows.
+        !> Coordinates (n), projected onto all constraints.
         real(wp), allocatable :: q(:)
         !> After `inconsistent_rows` or `rank_deficient`: a dependent row, and the level at which it contradicts the others: 0 none,
         !> 1 position, 2 velocity, 3 acceleration.
         integer :: failed_row = 0, failed_level = 0
-        !> Largest position error of the given start, on the natural scale of its row, and that row.
+        !> Largest position error at the given start, on the natural scale of its row; its row.
         real(wp) :: error = 0.0_wp
         integer :: worst_row = 0
         type(evaluator_type), private :: evaluator
         type(differences_type), private :: differences
-        !> Rows of the last correction of `restore`; true if they may be reused nearby.
+        !> Factor of the rows of the last correction of `restore`; true if it may be reused at nearby points.
         type(orthogonal_type), private :: nearby
         logical, private :: is_near = .false.
         real(wp), allocatable, private :: scale(:)
         real(wp), private :: rate = 1.0_wp
     contains
         procedure :: analyse, choose, partners
-        procedure, private :: restore, find_contradiction, probe
+        procedure, private :: restore, find_contradiction, test_nearby
     end type redundancy_type
 
-    !> Rows of unit length are dependent if the remainder of one is smaller than this, as in the rank decision of charts.
+    !> Rows of unit length are dependent if the remainder of one of them is below this limit, as in the rank decision of charts.
     real(wp), parameter :: dependent = 1.0e-10_wp
 
 contains
 
-    !> Decide at (t, q, qd). Status: ok if the rows `dropped` can be dropped; inconsistent_rows; rank_deficient; any status of an
-    !> evaluation of the model.
+    !> Analyse the rows at (t, q, qd). Status: ok if the rows in `dropped` can be dropped; inconsistent_rows; rank_deficient; or a
+    !> status of an evaluation of the model.
     subroutine analyse(self, model, scale, t, q, qd, tolerance, counts, stat)
         class(redundancy_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
         !> Coordinate scales (n).
         real(wp), intent(in) :: scale(:)
         real(wp), intent(in) :: t, q(:), qd(:)
-        !> Tolerance for contradictions, on the natural scale of a row, due to rounding of the start.
+        !> Tolerance for contradictions due to rounding of the given start, on the natural scale of a row.
         real(wp), intent(in) :: tolerance
         type(counts_type), intent(inout) :: counts
         !> A status code.
@@ -74,7 +75,7 @@ contains
         self%is_near = .false.
         self%q = q
         call self%evaluator%initialize(model, wants_mass=.false.)
-        ! Allocated on demand, because they need the memory of a model.
+        ! Allocated only if needed, because it takes as much memory as a model.
         if (iand(self%evaluator%has, need_gamma) == 0) call self%differences%initialize(model, scale)
         call self%evaluator%evaluate(need_phi + need_jacobian, t, q, qd, counts, stat)
         if (stat /= status_ok) return
@@ -91,11 +92,11 @@ contains
         call split_rows(jacobian, scale, model%n_holonomic, dependent, self%kept, self%dropped, self%combination)
         if (size(self%dropped) == 0) return
         call self%find_contradiction(t, self%q, qd, tolerance, 2, counts, stat)
-        if (stat == status_ok) call self%probe(jacobian, t, counts, stat)
+        if (stat == status_ok) call self%test_nearby(jacobian, t, counts, stat)
         if (stat == status_ok) call self%find_contradiction(t, self%q, qd, tolerance, 3, counts, stat)
     end subroutine analyse
 
-    !> Choose the dropped rows again, at a state on the constraints: those that the others represent best.
+    !> Choose the rows to drop again, at a state on the constraints: those that the other rows represent best.
     subroutine choose(self, model, scale, t, q, counts, stat)
         class(redundancy_type), intent(inout) :: self
         class(model_type), intent(inout), target :: model
@@ -112,7 +113,7 @@ contains
             self%combination)
     end subroutine choose
 
-    !> Rows on which a dropped row depends.
+    !> Rows of which a dropped row is a combination.
     pure function partners(self, number) result(rows)
         class(redundancy_type), intent(in) :: self
         !> Index into `dropped`.
@@ -124,8 +125,8 @@ contains
         end associate
     end function partners
 
-    !> Project q onto holonomic rows by steps of least length, with the factors of a nearby point as long as these converge fast;
-    !> stops if the rows are contradictory.
+    !> Project q onto holonomic rows by corrections of least norm. The factor of a nearby point is reused while corrections converge
+    !> fast. Stops if the rows are contradictory.
     subroutine restore(self, rows, t, q, counts, stat)
         class(redundancy_type), intent(inout) :: self
         !> Rows to satisfy.
@@ -166,18 +167,18 @@ contains
         end associate
     end subroutine restore
 
-    !> Find a dropped row that differs from its combination of the others, up to a level.
+    !> Find a dropped row that differs from its combination of the other rows, at any level up to the given one.
     subroutine find_contradiction(self, t, q, qd, tolerance, level, counts, stat)
         class(redundancy_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), tolerance
-        !> 2 for positions and velocities, 3 for accelerations.
+        !> 2 for positions and velocities, 3 for accelerations too.
         integer, intent(in) :: level
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> gamma may come from differences.
+        !> Tolerance if gamma is computed by differences.
         real(wp), parameter :: noise = 1.0e-6_wp
         real(wp), dimension(size(self%evaluator%terms%nu)) :: full, gamma
-        real(wp) :: place(size(q)), speed(size(qd))
+        real(wp) :: position(size(q)), speed(size(qd))
         integer :: nh
 
         nh = size(self%evaluator%terms%phi)
@@ -187,16 +188,16 @@ contains
                     call self%evaluator%evaluate(need_jacobian + need_gamma, t, q, qd, counts, stat)
                 else
                     call self%evaluator%evaluate(need_jacobian, t, q, qd, counts, stat)
-                    place = q
+                    position = q
                     speed = qd
-                    if (stat == status_ok) call self%differences%evaluate_gamma(t, place, speed, gamma, counts, stat)
+                    if (stat == status_ok) call self%differences%evaluate_gamma(t, position, speed, gamma, counts, stat)
                     terms%gamma = gamma
                 end if
                 if (stat == status_ok) call compare(terms%gamma, qd, max(tolerance, noise), 3)
                 return
             end if
             stat = status_ok
-            ! A holonomic row may repeat holonomic rows only: they come first.
+            ! A holonomic row may depend on holonomic rows only, which come first.
             full = 0.0_wp
             full(:nh) = terms%phi
             call compare(full, q, tolerance, 1)
@@ -205,7 +206,7 @@ contains
 
     contains
 
-        !> Compare one value per row.
+        !> Compare one value per dropped row.
         subroutine compare(value, y, allowed, number)
             real(wp), intent(in) :: value(:), y(:), allowed
             integer, intent(in) :: number
@@ -230,16 +231,17 @@ contains
         end subroutine compare
     end subroutine find_contradiction
 
-    !> Test at neighbouring states that the dropped rows are still satisfied and dependent.
-    subroutine probe(self, jacobian, t, counts, stat)
+    !> Check at neighbouring states that the dropped rows are still satisfied and dependent.
+    subroutine test_nearby(self, jacobian, t, counts, stat)
         class(redundancy_type), intent(inout) :: self
         !> C at the start (m, n).
         real(wp), intent(in) :: jacobian(:, :)
         real(wp), intent(in) :: t
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> Distance of the states, in coordinate scales, and tolerances of the rows there: in a singular configuration the position
-        !> error is about the distance squared and the rank remainder the distance; both are rounding for redundant rows.
+        !> Distance of the states in coordinate scales, and tolerances there. In a singular configuration the position error is of
+        !> the order of the distance squared, and the remainder of a dependent row of the order of the distance. For redundant rows
+        !> both are rounding errors.
         real(wp), parameter :: distance = 1.0e-3_wp, largest_error = 1.0e-9_wp, largest_rest = 1.0e-7_wp
         integer, parameter :: n_states = 3
         type(orthogonal_type) :: of_kept
@@ -252,14 +254,14 @@ contains
         call of_kept%factor(jacobian(self%kept, :)*spread(self%scale, 1, size(self%kept)))
         self%is_near = .false.
         do i = 1, n_states
-            ! A direction without preference, minus its component in the rows.
+            ! An arbitrary direction, minus its component in the space of the rows.
             direction = [(sin(real(i + j*(i + 1), wp)), j=1, size(direction))]
             call of_kept%project(direction)
             if (.not. norm2(direction) > 0.0_wp) cycle
             q = self%q + distance*self%scale*direction/norm2(direction)
             call self%restore(pack(self%kept, self%kept <= nh), t, q, counts, stat)
             if (stat == status_ok) call self%evaluator%evaluate(need_phi + need_jacobian, t, q, q, counts, stat)
-            ! Skip states without values.
+            ! Skip states that cannot be evaluated.
             if (stat == status_not_evaluable) then
                 stat = status_ok
                 cycle
@@ -278,5 +280,5 @@ contains
             stat = status_rank_deficient
             return
         end do
-    end subroutine probe
+    end subroutine test_nearby
 end module tandem_model_redundancy

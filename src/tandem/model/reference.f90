@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Derivatives of the terms of a model by differences, with which its procedures are compared. Coordinates that change no row and
-!> no force in common are displaced together, so that the number of evaluations does not grow with that of the bodies.
+!> Derivatives of the terms of a model by differences, as references for its procedures. Coordinates that change no row and no force
+!> in common are displaced together, so that the number of evaluations does not grow with the number of bodies.
 module tandem_model_reference
     use tandem_kinds, only: wp
     use tandem_linalg_random, only: random_vector
@@ -15,53 +15,55 @@ module tandem_model_reference
 
     public :: reference_type, least_size, of_phi, of_c_qd, of_c_qdd, of_nu, of_gamma, of_mass, of_reaction, of_force
 
-    !> Parts that are differentiated: of the rows, and of the forces.
+    !> Parts to be differentiated: of the constraint rows and of the forces.
     integer, parameter :: of_phi = 1, of_c_qd = 2, of_c_qdd = 3, of_nu = 4, of_gamma = 5, n_of_rows = 5
     integer, parameter :: of_mass = 1, of_reaction = 2, of_force = 3, n_of_forces = 3
 
-    !> They are 8 (f(1) - f(-1)) - (f(2) - f(-2)) over 12 h, summed up so that nothing is left of a constant, however large, also
-    !> where a product is fused with a sum: sum := factor sum + sign f(place).
-    real(wp), parameter :: place(4) = [-1.0_wp, 1.0_wp, 2.0_wp, -2.0_wp]
+    !> Fourth-order difference (8 (f(1) - f(-1)) - (f(2) - f(-2)))/(12 h). It is accumulated by sum := factor sum + sign f(place),
+    !> in an order in which a constant, however large, cancels exactly, even with fused multiply-add instructions.
+    real(wp), parameter :: offsets(4) = [-1.0_wp, 1.0_wp, 2.0_wp, -2.0_wp]
     real(wp), parameter :: sign_of(4) = [-1.0_wp, 1.0_wp, -1.0_wp, 1.0_wp], factor(4) = [1.0_wp, 1.0_wp, 8.0_wp, 1.0_wp]
     real(wp), parameter :: divisor = 12.0_wp
-    !> Steps in coordinates need not be shortened where they seem to leave no more than this; derivatives that are smaller than
-    !> the second number count as being of that size.
+    !> Estimated relative error at which steps in coordinates are not shortened any more; smallest size to which errors of
+    !> derivatives are related.
     real(wp), parameter :: enough = 3.0e-11_wp, least_size = 1.0e-3_wp
 
-    !> Steps in time, from the longest by these factors. How fast a model changes with time is not known before: by its
-    !> neighbours one of them shows that it is neither too long nor lost in the rounding of t. The longest one is no simple fraction
-    !> of a second, where a motion with so many periods a second would seem to rest.
+    !> Steps in time: the longest one, and the factor of the following ones. The rate at which a model changes with time is unknown
+    !> in advance. Among neighbouring steps, the best agreement identifies a step that is neither too long nor dominated by the
+    !> rounding of t. The longest step is not a simple fraction of a second, for which a motion with a whole number of periods per
+    !> second would appear constant.
     integer, parameter :: n_steps = 14
     real(wp), parameter :: longest_step = 0.2887_wp, next_step = 0.25_wp
 
-    !> Values of all parts: of the rows (m, parts), and of the forces (n, parts).
+    !> Values of all parts: of the rows (m, parts) and of the forces (n, parts).
     type :: values_type
         real(wp), allocatable :: rows(:, :), forces(:, :)
     end type values_type
 
-    !> A state, and the derivatives there, every part by itself.
+    !> A state and the derivatives of each part there.
     type :: reference_type
         type(structure_type) :: structure
         !> Time, coordinates, velocities, accelerations, coordinate scales (n), multipliers (m).
         real(wp) :: t = 0.0_wp, time_scale = 1.0_wp
         real(wp), allocatable :: q(:), qd(:), qdd(:), scale(:), lambda(:)
-        !> The scale of each row of C: its largest entry by that of its coordinate.
+        !> Scale of each row of C: its largest entry times the scale of the entry's coordinate.
         real(wp), allocatable :: row_scale(:)
-        !> By q (m, width, parts) and (n, width, parts); by qd of gamma (m, width) and of the forces (n, width).
+        !> Derivatives with respect to q (m, width, parts) and (n, width, parts); with respect to qd of gamma (m, width) and of the
+        !> forces (n, width).
         real(wp), allocatable :: rows_q(:, :, :), forces_q(:, :, :), gamma_qd(:, :), force_qd(:, :)
-        !> By time: Phi_t (nh) and gamma (m), and what differences may leave of these.
+        !> Derivatives with respect to time: Phi_t (nh) and gamma (m); their uncertainties.
         real(wp), allocatable :: phi_t(:), gamma(:)
         real(wp) :: uncertainty_of_phi_t = 0.0_wp, uncertainty_of_gamma = 0.0_wp
-        !> Values of the parts, their differences, those of second order, and the largest values.
+        !> Values of the parts, fourth-order differences, second-order differences, and largest values.
         type(values_type), private :: values, now, lower, largest
     contains
         procedure :: initialize, find_row_scales, differentiate, check_structure
-        procedure, private :: differentiate_together, take_differences, line_up, keep, differentiate_in_time
+        procedure, private :: differentiate_together, accumulate_differences, set_values, store_better, differentiate_in_time
     end type reference_type
 
 contains
 
-    !> Take a model, for which `evaluator` was initialised in the form of the structure.
+    !> Attach a model. `evaluator` has been initialised for it, compressed as in the structure.
     subroutine initialize(self, model, structure)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -92,7 +94,7 @@ contains
         end subroutine allocate_values
     end subroutine initialize
 
-    !> The scales of the rows of C, 1 for a row without an entry.
+    !> Scales of the rows of C; 1 for a row without entries.
     subroutine find_row_scales(self, model, evaluator, counts, stat)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -119,12 +121,12 @@ contains
             else
                 largest = maxval(abs(evaluator%terms%jacobian(i, :))*self%scale)
             end if
-            ! A NaN in it is found where the terms are compared.
+            ! A NaN is found later, by the comparison of the terms.
             if (largest > 0.0_wp .and. largest <= huge(1.0_wp)) self%row_scale(i) = largest
         end do
     end subroutine find_row_scales
 
-    !> Differences of every term at the state.
+    !> Differentiate all terms at the state.
     subroutine differentiate(self, model, evaluator, counts, stat)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -152,16 +154,16 @@ contains
             maxval(abs(self%qd)/max(abs(self%q), self%scale))), .true., counts, stat)
     end subroutine differentiate
 
-    !> The derivatives of all terms by some coordinates or velocities that change nothing in common. A step that suits the scale of
-    !> one is too long if the model bends within a small part of that, as a spring of some centimetres does among coordinates in
-    !> metres. Differences of second order show it: those of fourth order are off by about the square of the difference between the
-    !> two. Then the step is shortened, and each part is kept where truncation and rounding together are least. The derivatives of
-    !> the model are not looked at.
+    !> Differentiate all terms with respect to several coordinates or velocities that change nothing in common. A step of the order
+    !> of the coordinate's scale is too long if the model changes over a small fraction of it, such as a spring of a few centimetres
+    !> between coordinates in metres. The difference between second-order and fourth-order differences shows this; its square
+    !> estimates the error of the latter. Steps are then shortened, and for each part the step with the smallest sum of truncation
+    !> and rounding errors is used. The derivatives of the model do not influence the choice.
     subroutine differentiate_together(self, model, evaluator, by_qd, columns, counts, stat)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
         type(evaluator_type), intent(inout) :: evaluator
-        !> True for derivatives by the velocities; the numbers of the coordinates.
+        !> True for derivatives with respect to velocities; indices of the coordinates.
         logical, intent(in) :: by_qd
         integer, intent(in) :: columns(:)
         type(counts_type), intent(inout) :: counts
@@ -187,23 +189,23 @@ contains
                     end if
                 end associate
             end do
-            call self%take_differences(model, evaluator, by_qd, moved, counts, stat)
+            call self%accumulate_differences(model, evaluator, by_qd, moved, counts, stat)
             if (stat /= 0) return
             do c = 1, size(columns)
-                if (.not. is_done(c)) call self%keep(model%n_holonomic, by_qd, columns(c), moved(columns(c)), k == 0, &
+                if (.not. is_done(c)) call self%store_better(model%n_holonomic, by_qd, columns(c), moved(columns(c)), k == 0, &
                     uncertainty(:, c), is_done(c))
             end do
             if (all(is_done)) exit
         end do
     end subroutine differentiate_together
 
-    !> Sums of differences, for the four places of a displacement, of all parts that change with it.
-    subroutine take_differences(self, model, evaluator, by_qd, displacement, counts, stat)
+    !> Accumulate the differences, at the four places of a displacement, of all parts that it changes.
+    subroutine accumulate_differences(self, model, evaluator, by_qd, displacement, counts, stat)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
         type(evaluator_type), intent(inout) :: evaluator
         logical, intent(in) :: by_qd
-        !> (n)
+        !> Displacement of the coordinates or velocities (n).
         real(wp), intent(in) :: displacement(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
@@ -216,28 +218,28 @@ contains
         self%largest%forces = 0.0_wp
         q = self%q
         qd = self%qd
-        do i = 1, size(place)
+        do i = 1, size(offsets)
             if (by_qd) then
-                qd = self%qd + place(i)*displacement
+                qd = self%qd + offsets(i)*displacement
                 call evaluator%evaluate(need_gamma + need_force, self%t, q, qd, counts, stat)
             else
-                q = self%q + place(i)*displacement
+                q = self%q + offsets(i)*displacement
                 call evaluator%evaluate(need_phi + need_jacobian + need_nu + need_gamma + need_mass + need_force, self%t, q, qd, &
                     counts, stat)
             end if
             if (stat == 0) call evaluator%add_friction(self%t, q, qd, self%lambda, stat)
             if (stat /= 0) return
-            call self%line_up(model, evaluator, by_qd)
+            call self%set_values(model, evaluator, by_qd)
             self%now%rows = factor(i)*self%now%rows + sign_of(i)*self%values%rows
             self%now%forces = factor(i)*self%now%forces + sign_of(i)*self%values%forces
             self%largest%rows = max(self%largest%rows, abs(self%values%rows))
             self%largest%forces = max(self%largest%forces, abs(self%values%forces))
             if (i == 2) self%lower = self%now
         end do
-    end subroutine take_differences
+    end subroutine accumulate_differences
 
-    !> Line up the values that differences are taken of.
-    subroutine line_up(self, model, evaluator, by_qd)
+    !> Evaluate the parts at a point.
+    subroutine set_values(self, model, evaluator, by_qd)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
         type(evaluator_type), intent(in) :: evaluator
@@ -260,21 +262,21 @@ contains
                 forces(:, of_reaction) = matmul(self%lambda, terms%jacobian)
             end if
         end associate
-    end subroutine line_up
+    end subroutine set_values
 
-    !> Keep the differences of a coordinate, part by part, where they leave less than those before.
-    subroutine keep(self, nh, by_qd, j, h, is_first, uncertainty, is_done)
+    !> For each part, store the new differences with respect to a coordinate if they are more accurate than the stored ones.
+    subroutine store_better(self, nh, by_qd, j, h, is_first, uncertainty, is_done)
         class(reference_type), intent(inout) :: self
         integer, intent(in) :: nh
         logical, intent(in) :: by_qd
-        !> The coordinate and its displacement.
+        !> Index of the coordinate, and its displacement.
         integer, intent(in) :: j
         real(wp), intent(in) :: h
-        !> True for the first differences, which are kept even if they are NaN.
+        !> True for the first differences, which are stored even if they are NaN.
         logical, intent(in) :: is_first
-        !> Uncertainty of the stored differences.
+        !> Estimated relative errors of the stored differences.
         real(wp), intent(inout) :: uncertainty(:)
-        !> True if shorter steps gain nothing.
+        !> True if shorter steps cannot improve any part.
         logical, intent(out) :: is_done
         integer :: column, l
 
@@ -304,19 +306,19 @@ contains
 
     contains
 
-        !> One part.
+        !> Store the differences of one part if they are more accurate.
         subroutine choose(places, part, now, lower, largest, number, entries, unit)
             integer, intent(in) :: places(:), part, number
             real(wp), intent(in) :: now(:, :), lower(:, :), largest(:, :)
             real(wp), intent(inout) :: entries(:)
-            !> 1 where absent.
+            !> Units of the entries; 1 by default.
             real(wp), intent(in), optional :: unit(:)
-            real(wp) :: size_of, off, rounding, truncation, u, value
+            real(wp) :: size_of, deviation, rounding, truncation, u, value
             integer :: i, k
 
             if (size(places) == 0) return
             size_of = least_size
-            off = 0.0_wp
+            deviation = 0.0_wp
             rounding = 0.0_wp
             u = 1.0_wp
             do i = 1, size(places)
@@ -324,10 +326,10 @@ contains
                 if (present(unit)) u = unit(k)
                 value = now(k, part)/(divisor*h)
                 size_of = max(size_of, abs(value)/u)
-                off = max(off, abs(value - lower(k, part)/(2*h))/u)
+                deviation = max(deviation, abs(value - lower(k, part)/(2*h))/u)
                 rounding = max(rounding, largest(k, part)/u)
             end do
-            truncation = (off/size_of)**2
+            truncation = (deviation/size_of)**2
             rounding = epsilon(h)*rounding/(h*size_of)
             if (is_first .or. truncation + rounding < uncertainty(number)) then
                 do i = 1, size(places)
@@ -337,10 +339,10 @@ contains
             end if
             if (truncation > max(enough, rounding)) is_done = .false.
         end subroutine choose
-    end subroutine keep
+    end subroutine store_better
 
-    !> Compare the derivatives times a random direction with differences along it: equal if no coordinate changes more than the
-    !> structure lets it. After `differentiate`.
+    !> Check the structure: compare the derivatives times a random direction with differences along this direction. They agree if
+    !> each coordinate changes no more than the structure allows. To be called after `differentiate`.
     subroutine check_structure(self, model, evaluator, counts, holds, stat)
         class(reference_type), intent(inout) :: self
         class(model_type), intent(in) :: model
@@ -349,7 +351,7 @@ contains
         logical, intent(out) :: holds
         integer, intent(out) :: stat
         real(wp), parameter :: step = epsilon(1.0_wp)**0.2_wp
-        !> Steps may be too long at first.
+        !> The first steps may be too long.
         integer, parameter :: most_shorter = 3
         real(wp), dimension(model%n) :: displacement, direction, ones
         integer :: k, l, seed
@@ -359,7 +361,7 @@ contains
         ones = 1.0_wp
         do k = 0, most_shorter
             displacement = step*next_step**k*self%scale*direction
-            call self%take_differences(model, evaluator, .false., displacement, counts, stat)
+            call self%accumulate_differences(model, evaluator, .false., displacement, counts, stat)
             if (stat /= 0) return
             holds = .true.
             do l = 1, n_of_rows
@@ -371,7 +373,7 @@ contains
                     self%now%forces(:, l), self%largest%forces(:, l), ones)
             end do
             displacement = displacement/self%time_scale
-            call self%take_differences(model, evaluator, .true., displacement, counts, stat)
+            call self%accumulate_differences(model, evaluator, .true., displacement, counts, stat)
             if (stat /= 0) return
             if (holds) holds = is_product(self%structure%row_start, self%structure%rows, self%gamma_qd, &
                 self%now%rows(:, of_gamma), self%largest%rows(:, of_gamma), self%row_scale)
@@ -384,10 +386,10 @@ contains
 
         !> True if differences are the product of a matrix with the displacement.
         logical function is_product(start, changed, matrix, now, largest, unit) result(is)
-            !> Which rows the sets of coordinates change.
+            !> Indices that each set of coordinates changes, as lists.
             integer, intent(in) :: start(:), changed(:)
             real(wp), intent(in) :: matrix(:, :), now(:), largest(:), unit(:)
-            !> A smaller part of the largest entry than procedures are judged by.
+            !> Tolerance relative to the largest entry; smaller than that of procedures.
             real(wp), parameter :: bound = 1.0e-7_wp
             real(wp), dimension(size(now)) :: product, sizes
             integer :: i, j, k
@@ -410,16 +412,16 @@ contains
         end function is_product
     end subroutine check_structure
 
-    !> Phi_t, or d/dt (C qd - nu) along qd, by the step that agrees best with the next longer one.
+    !> Phi_t, or d/dt (C qd - nu) along qd. Uses the step that agrees best with the next longer one.
     subroutine differentiate_in_time(self, evaluator, share, of_velocity, counts, stat)
         class(reference_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: evaluator
-        !> Part of the steps to take.
+        !> Factor of all steps.
         real(wp), intent(in) :: share
         !> True to differentiate C qd - nu.
         logical, intent(in) :: of_velocity
         type(counts_type), intent(inout) :: counts
-        !> Status of the last step if none could be compared with the next longer one; not_evaluable if steps are lost in the
+        !> Status of the last step if no step could be compared with the next longer one; not_evaluable if steps vanish in the
         !> rounding of t.
         integer, intent(out) :: stat
         real(wp), dimension(merge(size(self%gamma), size(self%phi_t), of_velocity)) :: rate, now, last, values, unit
@@ -435,14 +437,14 @@ contains
         unit = self%row_scale(:size(unit))
         wanted = longest_step*share
         do k = 1, n_steps
-            ! Round the step so that it is added to t exactly.
+            ! Round the step so that adding it to t is exact.
             h = (self%t + wanted) - self%t
             if (.not. h > 0.0_wp) exit
             now = 0.0_wp
             largest = 1.0_wp
             do i = 1, 4
-                call evaluator%evaluate(merge(need_jacobian + need_nu, need_phi, of_velocity), self%t + place(i)*h, &
-                    self%q + merge(place(i)*h, 0.0_wp, of_velocity)*self%qd, self%qd, counts, stat)
+                call evaluator%evaluate(merge(need_jacobian + need_nu, need_phi, of_velocity), self%t + offsets(i)*h, &
+                    self%q + merge(offsets(i)*h, 0.0_wp, of_velocity)*self%qd, self%qd, counts, stat)
                 if (stat /= 0) exit
                 if (of_velocity) then
                     call evaluator%times_jacobian(self%qd, .false., values)
@@ -454,11 +456,11 @@ contains
                 largest = max(largest, maxval(abs(values)/unit))
             end do
             now = now/(divisor*h)
-            ! A long step may reach where a model has no value.
+            ! A long step may reach times at which the model cannot be evaluated.
             if (stat == 0 .and. last_stat == 0) then
-                ! Two steps may agree by chance: add the rounding of the values and of t in the model.
+                ! Two steps may agree by chance. Add the rounding errors of the values and of t within the model.
                 change = maxval(abs(now - last)/unit) + maxval(abs(now)/unit)*spacing(self%t)/h + epsilon(h)*largest/h
-                ! Keep the first derivative without a comparison, so that NaN are seen.
+                ! Store the first derivative without comparison, so that a NaN is not lost.
                 if (change < uncertainty .or. .not. is_taken) rate = now
                 if (change < uncertainty) uncertainty = change
                 is_taken = .true.

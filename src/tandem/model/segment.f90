@@ -11,7 +11,7 @@ module tandem_model_segment
 
 contains
 
-    !> Make the segment that contains a time the current one, and make sure that the breakpoint at its end is known.
+    !> Make the segment that contains a time the current segment, and make sure that the breakpoint at its end is known.
     subroutine find_segment(model, t, error)
         class(model_type), intent(inout) :: model
         !> Time; a breakpoint belongs to the segment after it.

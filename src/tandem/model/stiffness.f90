@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Derivatives of the forces by blocks of bodies, for implicit steps of large mechanisms: K = (M qdd + C' lambda - S - Q_A)_q and D
-!> = -(S + Q_A)_qd. Block (a, b) is the derivative of the forces on body a with respect to body b. Only pairs of bodies whose forces
-!> depend on each other, and each body with itself, have blocks, so that memory grows with their number.
+!> = -(S + Q_A)_qd. Block (a, b) is the derivative of the forces on body a with respect to the coordinates of body b. Only a body
+!> with itself and pairs of bodies whose forces depend on each other have blocks, so that memory is proportional to their number.
 module tandem_model_stiffness
     use tandem_kinds, only: wp
     use tandem_model_lists, only: sort_to_lists
@@ -14,8 +14,8 @@ module tandem_model_stiffness
     type :: stiffness_type
         !> First coordinate of each body, and the number of coordinates plus one (n_bodies + 1).
         integer, allocatable :: first(:)
-        !> Coupled bodies of body a, itself included: partner(start(a):start(a + 1) - 1), ascending; offset of each block in the
-        !> values, which are stored column by column.
+        !> Bodies coupled with body a, including itself: partner(start(a):start(a + 1) - 1), in increasing order; offset of each
+        !> block in the values, which are stored by columns.
         integer, allocatable :: start(:), partner(:), offset(:)
         !> K and D.
         real(wp), allocatable :: by_q(:), by_qd(:)
@@ -30,7 +30,7 @@ contains
         class(stiffness_type), intent(inout) :: self
         !> First coordinate of each body and n + 1.
         integer, intent(in) :: first(:)
-        !> Pairs of bodies (2, :) in any order, repetitions allowed; pairs with 0, the ground, are ignored.
+        !> Pairs of bodies (2, number of pairs) in any order. Repetitions are allowed; pairs with 0, the ground, are ignored.
         integer, intent(in) :: pairs(:, :)
         integer :: b, k, n, n_bodies
 
@@ -79,7 +79,7 @@ contains
         offset = merge(self%offset(from), -1, self%partner(from) == two)
     end function block_of
 
-    !> Add to the blocks of several bodies. Blocks of bodies that are not coupled are omitted, which may cost corrections.
+    !> Add to the blocks of several bodies. Entries of bodies that are not coupled are omitted, which may cost corrections.
     pure subroutine add(self, bodies, by_q, by_qd)
         class(stiffness_type), intent(inout) :: self
         !> Different bodies, whose coordinates are consecutive in the matrices.
@@ -115,7 +115,7 @@ contains
     pure subroutine multiply(self, factor, x, y)
         class(stiffness_type), intent(in) :: self
         real(wp), intent(in) :: factor
-        !> (n) each.
+        !> Vectors (n).
         real(wp), intent(in), contiguous :: x(:)
         real(wp), intent(inout), contiguous :: y(:)
         integer :: a, b, k
@@ -137,7 +137,7 @@ contains
         end do
     end subroutine multiply
 
-    !> y := y + factor a x for a (p, s); loops for bodies in space and in the plane have known lengths.
+    !> y := y + factor a x for a (p, s). For the sizes of bodies in space and in the plane the loops have constant length.
     pure subroutine add_product(p, s, factor, a, x, y)
         integer, intent(in), value :: p, s
         real(wp), intent(in) :: factor, a(p, s), x(s)
@@ -151,7 +151,7 @@ contains
         end do
     end subroutine add_product
 
-    !> The same for bodies in space: rows four at a time, in loops that the compiler must not merge.
+    !> `add_product` for bodies in space: four rows at a time, in loops that the compiler must not merge.
     pure subroutine add_seven_by_seven(factor, a, x, y)
         real(wp), intent(in) :: factor, a(7, 7), x(7)
         real(wp), intent(inout) :: y(7)
@@ -173,7 +173,7 @@ contains
         end do
     end subroutine add_seven_by_seven
 
-    !> The values.
+    !> Pack the values.
     subroutine pack_state(self, pack)
         class(stiffness_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Which rows of constraints and which forces each coordinate of a model may change, and coordinates whose derivatives by
-!> differences can be taken together: those of bodies that have no neighbour in common.
+!> Structure of a model: the rows and forces that each coordinate may change, and groups of coordinates whose derivatives can be
+!> computed together by differences, because their bodies have no neighbour in common.
 !>
-!> Matrices of derivatives have one column per coordinate, or are compressed: coordinates that are taken together share a column.
+!> Matrices of derivatives have one column per coordinate, or are compressed so that the coordinates of a group share a column.
 !>
 !> Source: A. R. Curtis, M. J. D. Powell, J. K. Reid, J. Inst. Maths Applics 13 (1974) 117-119.
 module tandem_model_structure
@@ -16,27 +16,27 @@ module tandem_model_structure
     public :: structure_type
 
     type :: structure_type
-        !> True if the coordinates change only what the pattern of the model says; true if matrices are compressed.
+        !> True if the structure is that of the model's pattern; true if matrices are compressed.
         logical :: is_of_pattern = .false., is_compressed = .false.
-        !> Columns of matrices: how many, and that of each coordinate (n).
+        !> Number of columns of the matrices; column of each coordinate (n).
         integer :: width = 0
         integer, allocatable :: column(:)
-        !> Coordinates taken together: direction(start(k):start(k + 1) - 1).
+        !> Groups of coordinates: direction(start(k):start(k + 1) - 1).
         integer :: n_directions = 0
         integer, allocatable :: start(:), direction(:)
-        !> The set of coordinate j changes rows(row_start(set(j)):row_start(set(j) + 1) - 1) and the forces on coordinates
-        !> forces(force_start(set(j)):force_start(set(j) + 1) - 1).
+        !> Coordinate j belongs to the set s = set(j), which may change the rows rows(row_start(s):row_start(s + 1) - 1) and the
+        !> forces on the coordinates forces(force_start(s):force_start(s + 1) - 1).
         integer, allocatable :: set(:), row_start(:), rows(:), force_start(:), forces(:)
     contains
-        procedure :: take_all, take_pattern, coordinate_of_row, coordinate_of_force
+        procedure :: set_full, use_pattern, coordinate_of_row, coordinate_of_force
     end type structure_type
 
 contains
 
-    !> Let every coordinate change everything.
-    pure subroutine take_all(self, n, m)
+    !> Set the full structure: every coordinate may change everything.
+    pure subroutine set_full(self, n, m)
         class(structure_type), intent(inout) :: self
-        !> Numbers of coordinates and of rows.
+        !> Numbers of coordinates and of constraint rows.
         integer, intent(in) :: n, m
         integer :: i
 
@@ -52,10 +52,11 @@ contains
         self%rows = [(i, i=1, m)]
         self%force_start = [1, n + 1]
         self%forces = [(i, i=1, n)]
-    end subroutine take_all
+    end subroutine set_full
 
-    !> Let every coordinate change the rows that its body touches, and the forces on that body and on its neighbours.
-    subroutine take_pattern(self, pattern, is_compressed)
+    !> Set the structure of a pattern: a coordinate may change the rows of its body, and the forces on its body and on neighbours of
+    !> it.
+    subroutine use_pattern(self, pattern, is_compressed)
         class(structure_type), intent(inout) :: self
         type(pattern_type), intent(in) :: pattern
         !> True to compress matrices.
@@ -83,7 +84,7 @@ contains
             do b = 1, pattern%n_bodies
                 self%set(first(b):first(b + 1) - 1) = b
             end do
-            ! Coordinate l of all bodies of a group.
+            ! Coordinate l of every body of a group.
             self%n_directions = 0
             j = 0
             do g = 1, n_groups
@@ -104,9 +105,9 @@ contains
         if (is_compressed) return
         self%width = n
         self%column = [(j, j=1, n)]
-    end subroutine take_pattern
+    end subroutine use_pattern
 
-    !> The coordinates of each body and of its neighbours.
+    !> List the coordinates of each body and of its neighbours.
     subroutine list_forces(first, neighbours, start, forces)
         integer, intent(in) :: first(:)
         type(list_type), intent(in) :: neighbours(:)
@@ -128,7 +129,7 @@ contains
 
     contains
 
-        !> The coordinates of one body more.
+        !> Append the coordinates of a body.
         subroutine add(body)
             integer, intent(in) :: body
             integer :: i
@@ -140,7 +141,7 @@ contains
         end subroutine add
     end subroutine list_forces
 
-    !> The coordinate of a column of a matrix that changes a row of constraints, or any coordinate of that column.
+    !> A coordinate of the given column that may change the given row; any coordinate of the column if there is none.
     pure integer function coordinate_of_row(self, row, column) result(coordinate)
         class(structure_type), intent(in) :: self
         integer, intent(in) :: row, column
@@ -148,7 +149,7 @@ contains
         coordinate = coordinate_of(self, row, column, self%row_start, self%rows)
     end function coordinate_of_row
 
-    !> The coordinate of a column of a matrix that changes the force on another one, or any coordinate of that column.
+    !> A coordinate of the given column that may change the given force; any coordinate of the column if there is none.
     pure integer function coordinate_of_force(self, row, column) result(coordinate)
         class(structure_type), intent(in) :: self
         integer, intent(in) :: row, column
@@ -156,7 +157,7 @@ contains
         coordinate = coordinate_of(self, row, column, self%force_start, self%forces)
     end function coordinate_of_force
 
-    !> The same with lists of what the sets change.
+    !> A coordinate of the given column that may change the given row or force, by its lists.
     pure integer function coordinate_of(self, row, column, start, changed) result(coordinate)
         class(structure_type), intent(in) :: self
         integer, intent(in) :: row, column, start(:), changed(:)

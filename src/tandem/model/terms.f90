@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The terms of the equations of motion at one point (t, q, qd), and the bits that name them in a need mask.
+!> Terms of the equations of motion at one point (t, q, qd), and the bits that denote them in a need mask.
 module tandem_model_terms
     use tandem_kinds, only: wp
     use tandem_model_pattern, only: pattern_type
@@ -29,15 +29,15 @@ module tandem_model_terms
     character(len=12), parameter :: term_name(n_terms) = &
         [character(len=12) :: 'phi', 'jacobian', 'nu', 'gamma', 'mass', 'force']
 
-    !> Values of the terms. A term that the model lacks stays zero.
+    !> Values of the terms. A term that the model lacks remains zero.
     type :: terms_type
         !> Phi (nh).
         real(wp), allocatable :: phi(:)
-        !> True if C and M are stored compressed, by the model's pattern, see `tandem_model_pattern`.
+        !> True if C and M are compressed according to the model's pattern, see `tandem_model_pattern`.
         logical :: is_compressed = .false.
         !> C (nh + nd, n), compressed (nh + nd, width).
         real(wp), allocatable :: jacobian(:, :)
-        !> Rows of C by blocks, if a chart requests them, see `tandem_model_pattern`.
+        !> Blocks of C, if a chart requests them, see `tandem_model_pattern`.
         real(wp), allocatable :: blocks(:)
         !> nu (nh + nd).
         real(wp), allocatable :: nu(:)
@@ -53,12 +53,13 @@ module tandem_model_terms
 
 contains
 
-    !> Allocate every term with zeros.
+    !> Allocate all terms, set to zero.
     pure subroutine allocate_terms(self, n, n_holonomic, n_nonholonomic, fills_mass, pattern, has_jacobian)
         class(terms_type), intent(inout) :: self
         !> Numbers of coordinates, holonomic and nonholonomic constraints.
         integer, intent(in) :: n, n_holonomic, n_nonholonomic
-        !> If false, M is allocated but not set, in memory that is never touched, for models that set more than the requested terms.
+        !> If false, M is allocated but not set. Its memory is then never touched, which is for models that set more than the
+        !> requested terms.
         logical, intent(in), optional :: fills_mass
         !> If present, C and M are compressed.
         type(pattern_type), intent(in), optional :: pattern
@@ -75,7 +76,7 @@ contains
         end if
         if (present(has_jacobian)) width = merge(width, 0, has_jacobian)
         m = n_holonomic + n_nonholonomic
-        ! Without temporaries, which would fragment the memory.
+        ! Avoid temporaries, which would fragment the memory.
         if (allocated(self%phi)) deallocate (self%phi, self%nu, self%gamma, self%force, self%jacobian, self%mass)
         allocate (self%phi(n_holonomic), self%nu(m), self%gamma(m), self%force(n), self%jacobian(m, width), source=0.0_wp)
         allocate (self%mass(n, mass_width))
@@ -85,7 +86,7 @@ contains
         self%mass = 0.0_wp
     end subroutine allocate_terms
 
-    !> All values.
+    !> Pack all values.
     subroutine pack_state(self, pack)
         class(terms_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

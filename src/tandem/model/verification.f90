@@ -1,10 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Checks every procedure of a model against differences of another one at random states, and reports the wrong ones with place and
-!> size.
+!> Verifies every procedure of a model by differences of other procedures at random states, and reports wrong ones with the position
+!> and the size of the error.
 !>
-!> Phi gives Phi_q and nu, C and nu give gamma and their own derivatives, M and the forces give theirs. Only for E, e, M and the
-!> forces themselves there is no reference; M is checked for symmetry, constancy and blocks. States need not satisfy the
-!> constraints. Rows of constraints may have any units: they are compared on their own scale, that of their entries in C.
+!> Differences of Phi give Phi_q and nu; those of C and nu give gamma and the derivatives of C and nu; those of M and of the forces
+!> give their derivatives. There is no reference for E, e, M and the forces themselves; M is checked for symmetry, constancy and
+!> block structure. States need not satisfy the constraints. Constraint rows may have any units: errors are related to the entries
+!> of the row in C.
 module tandem_model_verification
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: long, wp
@@ -28,52 +29,53 @@ module tandem_model_verification
 
     public :: finding_type, verify_model
 
-    !> Result of the comparison of one procedure.
+    !> Result of the verification of one procedure.
     type :: finding_type
-        !> Procedure, or part of a fused one.
+        !> Name of the procedure, or of a part of a fused one.
         character(len=48) :: name = ''
-        !> Largest difference over all states, relative to the largest entry of either side.
+        !> Largest error over all states, relative to the largest entry of both values.
         real(wp) :: error = 0.0_wp
-        !> Row and column of this entry (column 0 for a vector), its value and that of differences.
+        !> Row and column of the largest error (column 0 for a vector), value of the procedure, and value by differences.
         integer :: row = 0, column = 0
         real(wp) :: value = 0.0_wp, expected = 0.0_wp
-        !> False if the error exceeds that of differences, or a procedure failed.
+        !> False if the error exceeds the error of differences, or if the procedure failed.
         logical :: passed = .true.
-        !> Status of a failed procedure; 0 if all could be evaluated.
+        !> Status of a procedure that failed; 0 if it could be evaluated at all states.
         integer :: stat = 0
     end type finding_type
 
-    !> Comparisons of one model.
+    !> Work data of the verification of a model.
     type :: comparison_type
         class(model_type), pointer :: model => null()
         type(evaluator_type) :: evaluator
         type(reference_type) :: reference
         type(counts_type) :: counts
         type(finding_type), allocatable :: findings(:)
-        !> Last procedure called.
+        !> Name of the procedure called last.
         character(len=20) :: failed = ''
     end type comparison_type
 
-    !> Central differences of fourth order have an error of about eps**(4/5) = 3e-13 of the size of the function; the error of a
-    !> wrong formula is 1e-3 and more. Functions may be large compared with their derivatives.
+    !> Fourth-order central differences have an error of about eps**(4/5) = 3e-13 times the size of the function, which may be large
+    !> compared with its derivatives. The error of a wrong formula is 1e-3 or more.
     real(wp), parameter :: tolerance = 1.0e-6_wp
-    !> Differences that leave more of their largest entry than this do not tell a right formula from a wrong one.
+    !> Differences with a larger uncertainty, relative to their largest entry, cannot show that a formula is wrong.
     real(wp), parameter :: most_uncertain = 1.0e-3_wp
-    !> Up to so many coordinates the matrices of a model with a pattern are full, as dense charts take them; more are compressed.
-    !> Full ones of more than the second number take gigabytes.
+    !> Largest number of coordinates for full matrices, as on dense charts, if the model has a pattern; matrices of larger models
+    !> are compressed. Largest number for full matrices without a usable pattern, which would take gigabytes.
     integer, parameter :: most_full = 200, most_coordinates = 5000
 
 contains
 
-    !> Compare at `n_states` random states near (t, q, qd). An error means that the model is incomplete or could not be evaluated;
-    !> wrong procedures are findings. Flags of floating-point exceptions are restored: a long step may lead to overflow in a model,
-    !> which a program would report at its end.
+    !> Verify a model at `n_states` random states near (t, q, qd). An error means that the model is incomplete or could not be
+    !> evaluated; wrong procedures are findings. The flags of floating-point exceptions are restored, because a long step of a
+    !> difference may cause overflow in a model, which the program would report at its end.
     subroutine verify_model(model, t, q, qd, n_states, findings, error)
         class(model_type), intent(inout), target :: model
-        !> State at which the model can be evaluated (n); velocities near zero are replaced by random ones of their scale.
+        !> State at which the model can be evaluated (n). Velocities near zero are replaced by random ones of the order of their
+        !> scale.
         real(wp), intent(in) :: t, q(:), qd(:)
         integer, intent(in) :: n_states
-        !> One per compared procedure.
+        !> One finding per verified procedure.
         type(finding_type), allocatable, intent(out) :: findings(:)
         type(error_type), allocatable, intent(out) :: error
         type(comparison_type) :: work
@@ -87,7 +89,7 @@ contains
         allocate (findings(0))
         call check_model(model, error)
         if (allocated(error)) return
-        ! A model may count turns from state to state; restore its state, because no motion passes through the random states.
+        ! A model may count revolutions from state to state. Restore its state, because random states do not form a motion.
         call pack%begin_writing()
         call model%pack_state(pack)
         call pack%end_writing('model', memory)
@@ -98,7 +100,7 @@ contains
         do
             work%findings = [finding_type ::]
             call work%evaluator%initialize(model, compressed=structure%is_compressed)
-            ! Compared below.
+            ! Symmetry is checked below.
             work%evaluator%mass_is_trusted = .true.
             call work%reference%initialize(model, structure)
             seed = 12345
@@ -108,14 +110,14 @@ contains
                 if (.not. holds) exit
             end do
             if (holds .or. n_states < 1) exit
-            ! Some term depends on coordinates outside of the pattern, which is an error only for C and M.
+            ! A term depends on coordinates outside of the pattern, which is an error only for C and M.
             if (model%n > most_coordinates) then
                 call set_error(error, status_work_limit, 'the model "'//model%name//'" has '//to_text(model%n)// &
                     ' coordinates, and depends on more of them than its pattern says: too many to compare its procedures', &
                     'check a smaller model of the same elements')
                 exit
             end if
-            call structure%take_all(model%n, model%n_constraints())
+            call structure%set_full(model%n, model%n_constraints())
         end do
         if (.not. allocated(error)) call move_alloc(work%findings, findings)
         call pack%begin_reading('model', memory, problem)
@@ -124,7 +126,7 @@ contains
 
     contains
 
-        !> Choose a random state near the given one.
+        !> Set a random state near the given one.
         subroutine choose_state()
             associate (there => work%reference, scale => work%reference%scale, n => model%n)
                 there%t = t
@@ -136,22 +138,22 @@ contains
         end subroutine choose_state
     end subroutine verify_model
 
-    !> Take the structure of a model from its pattern if it has one.
+    !> Set the structure of a model, from its pattern if it has one.
     subroutine choose_structure(model, structure)
         class(model_type), intent(in) :: model
         type(structure_type), intent(inout) :: structure
         integer, parameter :: of_pattern = need_jacobian + need_mass
 
         if (.not. allocated(model%pattern)) then
-            call structure%take_all(model%n, model%n_constraints())
+            call structure%set_full(model%n, model%n_constraints())
         else
             ! Single procedures set matrices that are not compressed.
-            call structure%take_pattern(model%pattern, model%n > most_full .and. iand(model%provides, of_pattern) == of_pattern &
+            call structure%use_pattern(model%pattern, model%n > most_full .and. iand(model%provides, of_pattern) == of_pattern &
                 .and. .not. has_single(model) .and. (model%provides_derivatives == 0 .or. model%derives_by_bodies))
         end if
     end subroutine choose_structure
 
-    !> True if there are single derivative procedures.
+    !> True if the model has single derivative procedures.
     pure logical function has_single(model)
         class(model_type), intent(in) :: model
         integer :: part
@@ -159,10 +161,10 @@ contains
         has_single = any([(model%gives(part), part=of_jacobian_derivative, of_force_qd)])
     end function has_single
 
-    !> Compare all procedures at one state.
+    !> Verify all procedures at one state.
     subroutine compare_all(self, holds)
         type(comparison_type), intent(inout) :: self
-        !> False if terms depend on coordinates outside of the pattern; tested at the first state only.
+        !> False if terms depend on coordinates outside of the pattern. Tested at the first state only.
         logical, intent(out) :: holds
         integer :: stat
 
@@ -187,7 +189,7 @@ contains
         if (stat /= 0) call add_finding(self, finding_type(name='evaluation of '//self%failed, passed=.false., stat=stat))
     end subroutine compare_all
 
-    !> Phi_q, nu and gamma.
+    !> Verify Phi_q, nu and gamma.
     subroutine compare_terms(self, stat)
         type(comparison_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -214,7 +216,7 @@ contains
 
     contains
 
-        !> Rows of Phi_q with the columns of the structure from those of the pattern.
+        !> Copy rows of Phi_q from the columns of the pattern to the columns of the structure.
         subroutine spread_jacobian(s)
             type(structure_type), intent(in) :: s
             integer :: i, j, k
@@ -230,7 +232,7 @@ contains
         end subroutine spread_jacobian
     end subroutine compare_terms
 
-    !> The symmetry, the constancy and the blocks of M, which was evaluated.
+    !> Verify symmetry, constancy and block structure of M, which has been evaluated.
     subroutine compare_mass(self, stat)
         type(comparison_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -242,7 +244,7 @@ contains
             call transpose_mass(mass, other)
             call compare_masses('mass_matrix (symmetry)', mass, other)
             if (model%constant_mass) then
-                ! Evaluate it again.
+                ! Evaluate M again.
                 evaluator%mass_is_known = .false.
                 call evaluator%evaluate(need_mass, reference%t, reference%q, reference%qd, self%counts, stat)
                 if (stat /= 0) return
@@ -250,7 +252,7 @@ contains
                 terms%mass = mass
                 evaluator%mass_is_known = .true.
             end if
-            ! A compressed matrix has no place outside of the blocks.
+            ! A compressed matrix has no entries outside of the blocks.
             if (.not. allocated(model%mass_blocks)) return
             other = mass
             if (.not. terms%is_compressed) other = in_blocks(model%mass_blocks, mass)
@@ -259,7 +261,7 @@ contains
 
     contains
 
-        !> M', compressed as M.
+        !> Transpose of M, compressed as M.
         subroutine transpose_mass(matrix, transposed)
             real(wp), intent(in) :: matrix(:, :)
             real(wp), allocatable, intent(out) :: transposed(:, :)
@@ -284,7 +286,7 @@ contains
             end associate
         end subroutine transpose_mass
 
-        !> Compare two mass matrices; entries of compressed ones that belong to no block do not count.
+        !> Compare two mass matrices. Entries of compressed ones outside of the blocks are ignored.
         subroutine compare_masses(name, value, expected)
             character(len=*), intent(in) :: name
             real(wp), intent(in) :: value(:, :), expected(:, :)
@@ -313,7 +315,7 @@ contains
         end subroutine compare_masses
     end subroutine compare_mass
 
-    !> A matrix without the entries outside of its diagonal blocks.
+    !> Copy of a matrix in which entries outside of its diagonal blocks are zero.
     pure function in_blocks(sizes, matrix) result(blocks)
         integer, intent(in) :: sizes(:)
         real(wp), intent(in) :: matrix(:, :)
@@ -329,14 +331,14 @@ contains
         end do
     end function in_blocks
 
-    !> True if there is a gamma from which differences can be taken.
+    !> True if differences can be compared with a gamma of the model.
     pure logical function has_gamma(model)
         class(model_type), intent(in) :: model
 
         has_gamma = iand(model%has_terms(), need_gamma) /= 0
     end function has_gamma
 
-    !> The single derivative procedures that the model has.
+    !> Verify single derivative procedures.
     subroutine compare_single(self, stat)
         type(comparison_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -379,7 +381,7 @@ contains
         end associate
     end subroutine compare_single
 
-    !> The five sums of the fused procedure, as far as the model provides them.
+    !> Verify the five derivatives of the fused procedure, as far as it provides them.
     subroutine compare_fused(self, stat)
         type(comparison_type), intent(inout) :: self
         !> Status of the procedure.
@@ -411,7 +413,7 @@ contains
         end associate
     end subroutine compare_fused
 
-    !> Compare matrices with a row for each row of C, or for some of the first.
+    !> Compare matrices whose rows belong to all rows of C or to the first ones.
     subroutine compare_rows(self, name, value, expected)
         type(comparison_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -425,7 +427,7 @@ contains
         call add_finding(self, finding)
     end subroutine compare_rows
 
-    !> Compare matrices with a row for each force.
+    !> Compare matrices whose rows belong to the forces.
     subroutine compare_forces(self, name, value, expected)
         type(comparison_type), intent(inout) :: self
         character(len=*), intent(in) :: name
@@ -454,17 +456,17 @@ contains
         call add_finding(self, finding)
     end subroutine compare_vector
 
-    !> Compare matrices and find the worst entry.
+    !> Compare matrices and find the entry with the largest error.
     subroutine compare(name, value, expected, finding, row_scale, uncertainty)
         character(len=*), intent(in) :: name
         real(wp), intent(in) :: value(:, :), expected(:, :)
         type(finding_type), intent(inout) :: finding
-        !> The scales of the rows, at least as many as there are; 1 where absent.
+        !> Scales of the rows; 1 by default.
         real(wp), intent(in), optional :: row_scale(:)
-        !> Uncertainty of the expected values, from the difference of two ways to compute them; negligible if absent.
+        !> Uncertainty of the expected values, estimated from two ways to compute them; negligible by default.
         real(wp), intent(in), optional :: uncertainty
-        real(wp) :: allowed, scale, off(size(value, 1), size(value, 2)), unit(size(value, 1))
-        integer :: place_of_worst(2), j
+        real(wp) :: allowed, scale, deviation(size(value, 1), size(value, 2)), unit(size(value, 1))
+        integer :: position_of_worst(2), j
 
         finding%name = name
         if (size(value) > 0) then
@@ -473,23 +475,23 @@ contains
             scale = least_size
             do j = 1, size(value, 2)
                 scale = max(scale, maxval(abs(value(:, j))/unit), maxval(abs(expected(:, j))/unit))
-                off(:, j) = abs(value(:, j) - expected(:, j))/unit
+                deviation(:, j) = abs(value(:, j) - expected(:, j))/unit
             end do
-            ! maxloc ignores a NaN.
-            place_of_worst = findloc(off <= huge(1.0_wp), .false.)
-            if (place_of_worst(1) == 0) place_of_worst = maxloc(off)
-            finding%row = place_of_worst(1)
-            finding%column = place_of_worst(2)
+            ! maxloc ignores NaN.
+            position_of_worst = findloc(deviation <= huge(1.0_wp), .false.)
+            if (position_of_worst(1) == 0) position_of_worst = maxloc(deviation)
+            finding%row = position_of_worst(1)
+            finding%column = position_of_worst(2)
             finding%value = value(finding%row, finding%column)
             finding%expected = expected(finding%row, finding%column)
-            finding%error = off(finding%row, finding%column)/scale
+            finding%error = deviation(finding%row, finding%column)/scale
             allowed = tolerance
             if (present(uncertainty)) allowed = max(tolerance, min(10*uncertainty/scale, most_uncertain))
             finding%passed = all(abs(value) <= huge(1.0_wp)) .and. finding%error <= allowed
         end if
     end subroutine compare
 
-    !> Add a finding, or keep the worse of two with the same name.
+    !> Add a finding. If there is one with the same name, store the worse of both.
     subroutine add_finding(self, finding)
         type(comparison_type), intent(inout) :: self
         type(finding_type), intent(in) :: finding

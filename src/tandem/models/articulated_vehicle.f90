@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The planar articulated vehicle of section 7: two chassis joined by a revolute joint, three wheels that roll without
-!> slipping sideways, the front one steered by theta(t) = amplitude sin(frequency t) for one period, then straight.
+!> Planar articulated vehicle of section 7: two chassis connected by a revolute joint, and three wheels that roll without sideways
+!> slip. The front wheel is steered by theta(t) = amplitude sin(frequency t) for one period and straight thereafter.
 !>
-!> q = (x1, y1, phi1, x2, y2, phi2): centre and heading of the front and of the rear chassis. M = diag(m, m, I, m, m, I);
-!> there are no forces. The kinetic energy is constant, since the constraints do no work.
+!> q = (x1, y1, phi1, x2, y2, phi2): centre and heading of the front and of the rear chassis. M = diag(m, m, I, m, m, I). There are
+!> no applied forces, and the constraints do no work, so that the kinetic energy is constant.
 module tandem_models_articulated_vehicle
     use tandem_kinds, only: wp
     use tandem_model, only: label_length, model_type
@@ -15,33 +15,33 @@ module tandem_models_articulated_vehicle
 
     public :: articulated_vehicle_type
 
-    !> The vehicle with its parameters; set these and call `define`; then `start` gives a consistent start.
+    !> The vehicle and its parameters. Set the parameters, then call `define`, then `start` for a consistent start.
     type, extends(model_type) :: articulated_vehicle_type
         !> Mass of each chassis (kg) and its polar moment of inertia (kg m^2).
         real(wp) :: mass = 1500.0_wp, inertia = 1500.0_wp
-        !> Distance from a chassis' centre to its axle and to the joint (m).
+        !> Distance from the centre of a chassis to its axle and to the joint (m).
         real(wp) :: half_length = 3.0_wp
-        !> Steering amplitude (rad) and angular frequency (rad/s); a frequency of 0 steers straight.
+        !> Steering amplitude (rad) and angular frequency (rad/s). With a frequency of 0 the front wheel is straight.
         real(wp) :: amplitude = 0.017_wp, frequency = 1.0_wp
-        !> Directions of the chassis and of the front wheel at the last point, shared by the terms there.
+        !> Directions of the chassis and of the front wheel at the last point, which several terms use.
         real(wp), private :: phi1 = huge(1.0_wp), phi2 = huge(1.0_wp), t = huge(1.0_wp)
         integer, private :: segment_of_t = 0
         real(wp), private :: c1 = 1.0_wp, s1 = 0.0_wp, c2 = 1.0_wp, s2 = 0.0_wp
         real(wp), private :: theta_rate = 0.0_wp, c_theta = 1.0_wp, s_theta = 0.0_wp
     contains
         procedure :: define, start
-        procedure, private :: turn_to
+        procedure, private :: update_directions
     end type articulated_vehicle_type
 
 contains
 
-    !> Associate the procedures and set the names; to be called after the parameters are set.
+    !> Associate the procedures and set the names. To be called after the parameters are set.
     subroutine define(self)
         class(articulated_vehicle_type), intent(inout) :: self
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'articulated_vehicle'
-        ! Invalidate directions of other parameters.
+        ! Invalidate directions that were computed with other parameters.
         self%phi1 = huge(1.0_wp)
         self%phi2 = huge(1.0_wp)
         self%t = huge(1.0_wp)
@@ -62,7 +62,7 @@ contains
         self%provides_derivatives = need_all_derivatives
     end subroutine define
 
-    !> Both chassis in line along x, at the same speed (m/s).
+    !> State with both chassis aligned along x and moving at the same speed (m/s).
     pure subroutine start(self, speed, q, qd)
         class(articulated_vehicle_type), intent(in) :: self
         real(wp), intent(in) :: speed
@@ -72,8 +72,8 @@ contains
         qd = [speed, 0.0_wp, 0.0_wp, speed, 0.0_wp, 0.0_wp]
     end subroutine start
 
-    !> Update the shared directions to (t, q).
-    pure subroutine turn_to(self, t, q)
+    !> Update the stored directions to (t, q).
+    pure subroutine update_directions(self, t, q)
         class(articulated_vehicle_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
         real(wp) :: theta
@@ -99,9 +99,9 @@ contains
         end if
         self%c_theta = cos(theta)
         self%s_theta = sin(theta)
-    end subroutine turn_to
+    end subroutine update_directions
 
-    !> The terms (98)-(102).
+    !> Evaluate the terms (98)-(102).
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -114,9 +114,9 @@ contains
         stat = 0
         select type (self)
         class is (articulated_vehicle_type)
-            if (iand(need, need_phi + need_jacobian + need_gamma) /= 0) call self%turn_to(t, q)
+            if (iand(need, need_phi + need_jacobian + need_gamma) /= 0) call self%update_directions(t, q)
             associate (l => self%half_length, c1 => self%c1, s1 => self%s1, c2 => self%c2, s2 => self%s2)
-                ! The front wheel points along (cf, sf).
+                ! Direction (cf, sf) of the front wheel.
                 cf = c1*self%c_theta - s1*self%s_theta
                 sf = s1*self%c_theta + c1*self%s_theta
                 if (iand(need, need_phi) /= 0) then
@@ -147,8 +147,8 @@ contains
         end select
     end subroutine evaluate
 
-    !> Gradients of the velocity and acceleration constraints and of the equations of motion. Every term depends on q only through
-    !> the directions of the chassis, so that the columns of x and y are zero.
+    !> Gradients of the velocity and acceleration constraints and of the equations of motion. All terms depend on q only through the
+    !> directions of the chassis, so that the columns of x and y are zero.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -160,7 +160,7 @@ contains
         stat = 0
         select type (self)
         class is (articulated_vehicle_type)
-            call self%turn_to(t, q)
+            call self%update_directions(t, q)
             associate (l => self%half_length, c1 => self%c1, s1 => self%s1, c2 => self%c2, s2 => self%s2)
                 cf = c1*self%c_theta - s1*self%s_theta
                 sf = s1*self%c_theta + c1*self%s_theta

@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> The three-wheel motorcycle of section 9: a chassis on two rear wheels and a steered front wheel on a sprung fork that is
-!> inclined by `fork_angle`; no wheel slips sideways. The steering angle is theta(t) = -amplitude sin(frequency t) for one
-!> period, then zero, so that its rate, and with it nu, jumps at the end of the period.
+!> Three-wheel motorcycle of section 9: a chassis with two rear wheels, and a steered front wheel on a sprung fork that is inclined
+!> by `fork_angle`. No wheel slips sideways. The steering angle is theta(t) = -amplitude sin(frequency t) for one period and zero
+!> thereafter, so that its rate, and with it nu, jumps at the end of the period.
 !>
-!> q = (r, p, a, s): the chassis' centre r and Euler parameters p, the vector a = (a1, a2) from the front wheel's centre to its
-!> contact point in the wheel's plane, and the fork's length s. With y = b - s es + a1 y1 + a2 es and z = -a2 y1 + a1 es in the
-!> chassis' frame, es along the fork and y1(theta) across it in the wheel's plane, the front contact point is
-!> r + A y (116) and the rim's tangent there is A z (115).
+!> q = (r, p, a, s): centre r and Euler parameters p of the chassis; vector a = (a1, a2) from the centre of the front wheel to its
+!> contact point, in the plane of the wheel; length s of the fork. In the frame of the chassis, es is the direction of the fork and
+!> y1(theta) the direction perpendicular to it in the plane of the wheel. With y = b - s es + a1 y1 + a2 es and z = -a2 y1 + a1 es,
+!> the front contact point is r + A y (116), and the tangent of the rim there is A z (115).
 !>
-!> M is singular: a and s carry no mass. The printed start of the paper leaves the pitch out; `start` computes the equilibrium.
+!> M is singular, because a and s have no mass. The start printed in the paper omits the pitch; `start` computes the equilibrium.
 module tandem_models_motorcycle
     use tandem_kinds, only: wp
     use tandem_model, only: label_length, model_type
@@ -24,12 +24,13 @@ module tandem_models_motorcycle
 
     real(wp), parameter :: ux(3) = [1.0_wp, 0.0_wp, 0.0_wp], uy(3) = [0.0_wp, 1.0_wp, 0.0_wp], uz(3) = [0.0_wp, 0.0_wp, 1.0_wp]
 
-    !> The fork at a time, in the frame of the chassis: es, y1, dy1/dtheta, theta-dot, theta-dot-dot.
+    !> Geometry of the fork at a time, in the frame of the chassis: es, y1, the derivative of y1 with respect to theta, and the
+    !> first and second derivative of theta with respect to time.
     type :: fork_type
         real(wp) :: es(3) = 0.0_wp, y1(3) = 0.0_wp, y1_theta(3) = 0.0_wp, rate = 0.0_wp, second_rate = 0.0_wp
     end type fork_type
 
-    !> The motorcycle with its parameters; set these and call `define`; then `start` gives a consistent start.
+    !> The motorcycle and its parameters. Set the parameters, then call `define`, then `start` for a consistent start.
     type, extends(model_type) :: motorcycle_type
         !> Mass (kg) and principal moments of inertia of the chassis (kg m^2); acceleration due to gravity (m/s^2).
         real(wp) :: mass = 200.0_wp, inertia(3) = [30.0_wp, 15.0_wp, 30.0_wp], gravity = 9.6_wp
@@ -37,30 +38,31 @@ module tandem_models_motorcycle
         real(wp) :: fork_angle = 0.2_wp
         !> Stiffness (N/m) and damping (N s/m) of the front suspension.
         real(wp) :: stiffness = 15000.0_wp, damping = 1500.0_wp
-        !> Steering amplitude (rad) and angular frequency (rad/s); a frequency of 0 steers straight.
+        !> Steering amplitude (rad) and angular frequency (rad/s). With a frequency of 0 the front wheel is straight.
         real(wp) :: amplitude = 0.004_wp, frequency = 1.0_wp
-        !> Driving force along the chassis' y' axis (N).
+        !> Driving force along the y' axis of the chassis (N).
         real(wp) :: driving_force = 0.0_wp
-        !> Wheel radius, distance from the centre back to the rear axle, half the rear track (m).
+        !> Wheel radius, distance of the rear axle behind the centre, and half the rear track (m).
         real(wp) :: wheel_radius = 0.3_wp, rear_length = 0.6_wp, half_track = 0.5_wp
-        !> Top of the fork in front of and above the centre (m).
+        !> Distances of the top of the fork in front of the centre and above it (m).
         real(wp) :: fork_forward = 0.6_wp, fork_height = 0.6_wp
-        !> Free length of the suspension spring (m); 0 selects the paper's (0.6 + m g / (2 k)) / cos(fork_angle).
+        !> Free length of the suspension spring (m). With 0 it is that of the paper, (0.6 + m g / (2 k)) / cos(fork_angle).
         real(wp) :: free_length = 0.0_wp
-        !> Cosine and sine of the fork's inclination, and this inclination.
+        !> Cosine and sine of the inclination of the fork, and the inclination for which they were computed.
         real(wp), private :: c_fork = 1.0_wp, s_fork = 0.0_wp, angle_of_fork = 0.0_wp
-        !> Fork at the last time, and this time.
+        !> Geometry of the fork at the last time, and this time.
         type(fork_type), private :: f
         real(wp), private :: t_of_fork = huge(1.0_wp)
         integer, private :: segment_of_fork = 0
     contains
         procedure :: define, start, spring_length
-        procedure, private :: steering, turn_fork
+        procedure, private :: steering, update_fork
     end type motorcycle_type
 
     interface
-        !> Static equilibrium above the origin, heading along y, with a given speed of the rear axle's centre (m/s) and no pitch
-        !> rate. stat > 0: there is no equilibrium nearby, or the velocity constraints do not determine the other velocities.
+        !> State of static equilibrium above the origin, heading along y, with the given speed of the rear axle's centre (m/s) and
+        !> no pitch rate. stat > 0 if there is no equilibrium nearby, or if the velocity constraints do not determine the other
+        !> velocities.
         module subroutine start(self, speed, q, qd, stat)
             implicit none (type, external)
             class(motorcycle_type), intent(inout) :: self
@@ -72,13 +74,13 @@ module tandem_models_motorcycle
 
 contains
 
-    !> Associate the procedures and set the names; to be called after the parameters are set.
+    !> Associate the procedures and set the names. To be called after the parameters are set.
     subroutine define(self)
         class(motorcycle_type), intent(inout) :: self
         real(wp), parameter :: two_pi = 8.0_wp*atan(1.0_wp)
 
         self%name = 'motorcycle'
-        ! Invalidate a fork of other parameters.
+        ! Invalidate a geometry that was computed with other parameters.
         self%t_of_fork = huge(1.0_wp)
         self%n = 10
         self%n_holonomic = 6
@@ -100,11 +102,11 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
-        ! Blocks of the origin of the frame, the Euler parameters, the contact on the front wheel, the fork.
+        ! Blocks: centre of the chassis, Euler parameters, contact point on the front wheel, fork.
         self%mass_blocks = [1, 1, 1, 4, 1, 1, 1]
     end subroutine define
 
-    !> The free length of the suspension spring (m).
+    !> Free length of the suspension spring (m).
     pure real(wp) function spring_length(self)
         class(motorcycle_type), intent(in) :: self
 
@@ -113,7 +115,7 @@ contains
         spring_length = (self%fork_height + self%mass*self%gravity/(2*self%stiffness))/cos(self%fork_angle)
     end function spring_length
 
-    !> theta and its rates in the current segment.
+    !> theta and its derivatives in the current segment.
     pure subroutine steering(self, t, theta, rate, second_rate)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(in) :: t
@@ -128,8 +130,8 @@ contains
         second_rate = self%amplitude*self%frequency**2*sin(self%frequency*t)
     end subroutine steering
 
-    !> Update the fork to a time; all terms of a point use it.
-    pure subroutine turn_fork(self, t)
+    !> Update the stored geometry of the fork to a time. All terms of a point use it.
+    pure subroutine update_fork(self, t)
         class(motorcycle_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp) :: theta
@@ -137,7 +139,7 @@ contains
         if (.not. (t > self%t_of_fork .or. t < self%t_of_fork) .and. self%segment == self%segment_of_fork) return
         self%t_of_fork = t
         self%segment_of_fork = self%segment
-        ! The negated comparison makes an angle that is not a number visible.
+        ! The negated comparison is also true for an angle that is NaN.
         if (.not. abs(self%fork_angle - self%angle_of_fork) <= 0.0_wp) then
             self%angle_of_fork = self%fork_angle
             self%c_fork = cos(self%fork_angle)
@@ -145,14 +147,14 @@ contains
         end if
         associate (f => self%f, c => self%c_fork, s => self%s_fork)
             call self%steering(t, theta, f%rate, f%second_rate)
-            ! A1 rotates by the fork angle about x', A2 by theta about the fork.
+            ! A1 rotates by the fork angle about x', A2 by theta about the axis of the fork.
             f%es = [0.0_wp, -s, c]
             f%y1 = [-sin(theta), c*cos(theta), s*cos(theta)]
             f%y1_theta = [-cos(theta), -c*sin(theta), -s*sin(theta)]
         end associate
-    end subroutine turn_fork
+    end subroutine update_fork
 
-    !> The terms (117), (118).
+    !> Evaluate the terms (117), (118).
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -167,7 +169,7 @@ contains
         select type (self)
         class is (motorcycle_type)
             if (iand(need, need_phi + need_jacobian + need_nu + need_gamma) /= 0) then
-                call self%turn_fork(t)
+                call self%update_fork(t)
                 f = self%f
                 a = rotation(p)
                 y = [0.0_wp, self%fork_forward, self%fork_height] + q(8)*f%y1 + (q(9) - q(10))*f%es
@@ -201,7 +203,8 @@ contains
         end select
     end subroutine evaluate
 
-    !> Rows of C: heights of the wheels and norms, then the sideways velocities (A ux)' rP0d and (A z x uz)' rCd.
+    !> Rows of C: heights of the wheels and norm of the Euler parameters, then the sideways velocities (A ux)' rP0d and (A z x uz)'
+    !> rCd.
     pure subroutine set_jacobian(self, f, q, a, y, z, rear, jacobian)
         class(motorcycle_type), intent(in) :: self
         type(fork_type), intent(in) :: f
@@ -230,7 +233,7 @@ contains
         jacobian(8, 8:10) = [dot_product(g, a_y1), dot_product(g, a_es), -dot_product(g, a_es)]
     end subroutine set_jacobian
 
-    !> M, of the mass and 4 G' J G.
+    !> Mass matrix: the mass, and 4 G'J G.
     pure subroutine set_mass(self, p, mass)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(in) :: p(4)
@@ -244,7 +247,7 @@ contains
         call set_rotational_mass(p, self%inertia, size(mass, 1), mass(4, 4))
     end subroutine set_mass
 
-    !> nu = [-Phi_t; e]: y and z move with the steering for constant q.
+    !> nu = [-Phi_t; e]: y and z change with the steering angle at constant q.
     pure subroutine set_nu(f, q, a, z, nu)
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), a(3, 3), z(3)
@@ -259,7 +262,7 @@ contains
         nu(8) = -q(8)*dot_product(g, turned)
     end subroutine set_nu
 
-    !> Rows of gamma: accelerations of the points of the constraints for qdd = 0.
+    !> Rows of gamma: accelerations of the constrained points for qdd = 0.
     pure subroutine set_gamma(self, f, q, qd, a, y, z, rear, gamma)
         class(motorcycle_type), intent(in) :: self
         type(fork_type), intent(in) :: f
@@ -269,11 +272,11 @@ contains
         real(wp) :: v_rear(3), a_rear(3), v_front(3), a_front(3), a_track
 
         pd = qd(4:7)
-        ! Ad, and Add for qdd = 0: A is quadratic in p.
+        ! Ad and Add for qdd = 0; A is quadratic in p.
         ad = rotation_rate(q(4:7), pd)
         add = 2*rotation(pd)
-        call move_fork(f, q, qd, yd, zd)
-        call bend_fork(f, q, qd, ydd, zdd)
+        call set_fork_velocity(f, q, qd, yd, zd)
+        call set_fork_acceleration(f, q, qd, ydd, zdd)
         a_rear = rotate(add, rear)
         a_track = self%half_track*add(3, 1)
         gamma(1) = a_rear(3) + a_track
@@ -290,19 +293,19 @@ contains
             dot_product(sideways(rotate(ad, z) + rotate(a, zd)), v_front)
     end subroutine set_gamma
 
-    !> yd and zd, velocities of y and z in the frame of the chassis, steering included.
-    pure subroutine move_fork(f, q, qd, yd, zd)
+    !> Velocities yd and zd of y and z in the frame of the chassis, including the steering.
+    pure subroutine set_fork_velocity(f, q, qd, yd, zd)
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), intent(out) :: yd(3), zd(3)
 
         yd = qd(8)*f%y1 + (q(8)*f%rate)*f%y1_theta + (qd(9) - qd(10))*f%es
         zd = qd(8)*f%es - qd(9)*f%y1 - (q(9)*f%rate)*f%y1_theta
-    end subroutine move_fork
+    end subroutine set_fork_velocity
 
-    !> Accelerations of y and z in the frame of the chassis for qdd = 0; the second derivative of y1 with respect to theta is -y1,
+    !> Accelerations of y and z in the frame of the chassis for qdd = 0. The second derivative of y1 with respect to theta is -y1,
     !> because y1 is perpendicular to the fork.
-    pure subroutine bend_fork(f, q, qd, ydd, zdd)
+    pure subroutine set_fork_acceleration(f, q, qd, ydd, zdd)
         type(fork_type), intent(in) :: f
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), intent(out) :: ydd(3), zdd(3)
@@ -311,9 +314,9 @@ contains
         y1dd = f%second_rate*f%y1_theta - f%rate**2*f%y1
         ydd = (2*qd(8)*f%rate)*f%y1_theta + q(8)*y1dd
         zdd = -(2*qd(9)*f%rate)*f%y1_theta - q(9)*y1dd
-    end subroutine bend_fork
+    end subroutine set_fork_acceleration
 
-    !> The gradients of the velocity and acceleration constraints and of the equations of motion.
+    !> Gradients of the velocity and acceleration constraints and of the equations of motion.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -324,7 +327,7 @@ contains
         stat = 0
         select type (self)
         class is (motorcycle_type)
-            call self%turn_fork(t)
+            call self%update_fork(t)
             if (iand(need, need_velocity_q + need_acceleration_q + need_acceleration_qd) /= 0) then
                 call differentiate_rear(self, need, q, qd, qdd, derivatives)
                 call differentiate_front(self, need, q, qd, qdd, derivatives)
@@ -339,7 +342,8 @@ contains
         end select
     end subroutine evaluate_derivatives
 
-    !> velocity_q, acceleration_q, acceleration_qd: rows of the rear wheels, of the norms of the parameters, and of the rear axle.
+    !> Gradients velocity_q, acceleration_q and acceleration_qd of the rows of the rear wheels, of the Euler parameters, and of the
+    !> rear axle.
     subroutine differentiate_rear(self, need, q, qd, qdd, derivatives)
         class(motorcycle_type), intent(in) :: self
         integer, intent(in) :: need
@@ -354,7 +358,7 @@ contains
         rear = [0.0_wp, -self%rear_length, 0.0_wp]
         right = rear + self%half_track*ux
         left = rear - self%half_track*ux
-        ! Direction of the axle and its gradient with respect to p, velocity and acceleration of its middle.
+        ! Direction of the axle and its gradient with respect to p; velocity and acceleration of the axle's centre.
         frame = rotation(p)
         n = frame(:, 1)
         nd = b_product(p, ux, pd)
@@ -370,7 +374,7 @@ contains
                 d(2, 4:7) = block(3, :)
                 d(5, 4:7) = pd
                 d(6, 8:9) = qd(8:9)
-                d(7, 4:7) = along(v, axle) + along(n, b_matrix(pd, rear))
+                d(7, 4:7) = row_of(v, axle) + row_of(n, b_matrix(pd, rear))
             end associate
         end if
         if (iand(need, need_acceleration_q) /= 0) then
@@ -382,8 +386,8 @@ contains
                 d(2, 4:7) = block(3, :)
                 d(5, 4:7) = pdd
                 d(6, 8:9) = qdd(8:9)
-                d(7, 4:7) = along(a, axle) + along(n, b_matrix(pdd, rear)) + along(v, b_matrix(pd, ux)) + &
-                    along(nd, b_matrix(pd, rear))
+                d(7, 4:7) = row_of(a, axle) + row_of(n, b_matrix(pdd, rear)) + row_of(v, b_matrix(pd, ux)) + &
+                    row_of(nd, b_matrix(pd, rear))
             end associate
         end if
         if (iand(need, need_acceleration_qd) /= 0) then
@@ -396,13 +400,14 @@ contains
                 d(5, 4:7) = 2*pd
                 d(6, 8:9) = 2*qd(8:9)
                 d(7, 1:3) = nd
-                d(7, 4:7) = 2*along(n, b_matrix(pd, rear)) + along(v, axle) + along(nd, b_matrix(p, rear))
+                d(7, 4:7) = 2*row_of(n, b_matrix(pd, rear)) + row_of(v, axle) + row_of(nd, b_matrix(p, rear))
             end associate
         end if
     end subroutine differentiate_rear
 
-    !> The following rows, of the front wheel. Its contact point is r + A b + a1 (A y1) + (a2 - s) (A es), the tangent of its rim a1
-    !> (A es) - a2 (A y1), so that their gradients with respect to a and s are A y1 and A es and their time derivatives.
+    !> The same gradients of the rows of the front wheel. The contact point is r + A b + a1 (A y1) + (a2 - s) (A es), and the
+    !> tangent of the rim is a1 (A es) - a2 (A y1). The gradients of both with respect to a and s are therefore A y1 and A es, with
+    !> their time derivatives.
     subroutine differentiate_front(self, need, q, qd, qdd, derivatives)
         class(motorcycle_type), intent(in) :: self
         integer, intent(in) :: need
@@ -420,11 +425,11 @@ contains
         a = rotation(p)
         y = [0.0_wp, self%fork_forward, self%fork_height] + q(8)*f%y1 + (q(9) - q(10))*f%es
         z = q(8)*f%es - q(9)*f%y1
-        call move_fork(f, q, qd, yd, zd)
-        call bend_fork(f, q, qd, ydd, zdd)
+        call set_fork_velocity(f, q, qd, yd, zd)
+        call set_fork_acceleration(f, q, qd, ydd, zdd)
         ydd = ydd + qdd(8)*f%y1 + (qdd(9) - qdd(10))*f%es
         zdd = zdd + qdd(8)*f%es - qdd(9)*f%y1
-        ! A y1 and A es with their first and second time derivatives.
+        ! A y1 and A es, with first and second time derivatives.
         y1 = rotate(a, f%y1)
         es = rotate(a, f%es)
         y1d = b_product(p, f%y1, pd) + f%rate*rotate(a, f%y1_theta)
@@ -437,9 +442,9 @@ contains
         gd = sideways(b_product(p, z, pd) + rotate(a, zd))
         v_front = qd(1:3) + b_product(p, y, pd) + rotate(a, yd)
         a_front = qdd(1:3) + b_product(p, y, pdd) + rotate(a, ydd) + b_product(pd, y, pd) + 2*b_product(p, yd, pd)
-        k = crossways(v_front)
-        kd = crossways(a_front)
-        ! Gradients with respect to p of position and velocity of this point and of the tangent.
+        k = sideways_adjoint(v_front)
+        kd = sideways_adjoint(a_front)
+        ! Gradients with respect to p of the position and velocity of the contact point, and of the tangent.
         front_p = b_matrix(p, y)
         tangent_p = b_matrix(p, z)
         front_vp = b_matrix(pd, y) + b_matrix(p, yd)
@@ -450,7 +455,7 @@ contains
                 d(3, 8:10) = [y1d(3), esd(3), -esd(3)]
                 d(4, 4:7) = tangent_vp(3, :)
                 d(4, 8:9) = [esd(3), -y1d(3)]
-                d(8, 4:7) = along(k, tangent_p) + along(g, front_vp)
+                d(8, 4:7) = row_of(k, tangent_p) + row_of(g, front_vp)
                 d(8, 8:10) = [dot_product(k, es) + dot_product(g, y1d), -dot_product(k, y1) + dot_product(g, esd), &
                     -dot_product(g, esd)]
             end associate
@@ -463,7 +468,7 @@ contains
                 block = b_matrix(pdd, y) + b_matrix(p, ydd) + 2*b_matrix(pd, yd)
                 d(3, 4:7) = block(3, :)
                 d(3, 8:10) = [y1dd(3), esdd(3), -esdd(3)]
-                d(8, 4:7) = along(kd, tangent_p) + along(g, block) + along(k, tangent_vp) + along(gd, front_vp)
+                d(8, 4:7) = row_of(kd, tangent_p) + row_of(g, block) + row_of(k, tangent_vp) + row_of(gd, front_vp)
                 d(8, 8) = dot_product(kd, es) + dot_product(g, y1dd) + dot_product(k, esd) + dot_product(gd, y1d)
                 d(8, 9) = -dot_product(kd, y1) + dot_product(g, esdd) - dot_product(k, y1d) + dot_product(gd, esd)
                 d(8, 10) = -dot_product(g, esdd) - dot_product(gd, esd)
@@ -476,7 +481,7 @@ contains
                 d(4, 4:7) = 2*tangent_vp(3, :)
                 d(4, 8:9) = 2*[esd(3), -y1d(3)]
                 d(8, 1:3) = gd
-                d(8, 4:7) = 2*along(g, front_vp) + along(k, tangent_p) + along(gd, front_p)
+                d(8, 4:7) = 2*row_of(g, front_vp) + row_of(k, tangent_p) + row_of(gd, front_p)
                 d(8, 8) = 2*dot_product(g, y1d) + dot_product(k, es) + dot_product(gd, y1)
                 d(8, 9) = 2*dot_product(g, esd) - dot_product(k, y1) + dot_product(gd, es)
                 d(8, 10) = -2*dot_product(g, esd) - dot_product(gd, es)
@@ -484,8 +489,8 @@ contains
         end if
     end subroutine differentiate_front
 
-    !> Gradient dynamics_q: M2(q, qdd) - S_q - Q_Aq + (C' lambda)_q. The contact forces act at the front point along lambda3 uz +
-    !> lambda8 g, where g rotates with the tangent, and at the rear axle along lambda7 A ux.
+    !> Gradient dynamics_q = M2(q, qdd) - S_q - Q_Aq + (C' lambda)_q. The contact force at the front wheel is lambda3 uz + lambda8
+    !> g, where g rotates with the tangent. The force at the rear axle is lambda7 A ux.
     pure subroutine differentiate_dynamics(self, t, q, qd, qdd, lambda, d)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(in) :: t, q(:), qd(:), qdd(:), lambda(:)
@@ -532,13 +537,13 @@ contains
                     lambda(7)*dot_product(rear_p(:, i), axle(:, j))
             end do
         end do
-        d(4:7, 8) = along(push, y1_p) + lambda(4)*es_p(3, :) + along(turn_1, front_p)
-        d(4:7, 9) = along(push, es_p) - lambda(4)*y1_p(3, :) + along(turn_2, front_p)
-        d(4:7, 10) = -along(push, es_p)
-        d(8, 4:7) = along(push, y1_p) + lambda(4)*es_p(3, :) + along(y1, turn_p)
+        d(4:7, 8) = row_of(push, y1_p) + lambda(4)*es_p(3, :) + row_of(turn_1, front_p)
+        d(4:7, 9) = row_of(push, es_p) - lambda(4)*y1_p(3, :) + row_of(turn_2, front_p)
+        d(4:7, 10) = -row_of(push, es_p)
+        d(8, 4:7) = row_of(push, y1_p) + lambda(4)*es_p(3, :) + row_of(y1, turn_p)
         d(8, 8) = lambda(6) + dot_product(y1, turn_1)
         d(8, 9) = dot_product(y1, turn_2)
-        row = along(push, es_p) + along(es, turn_p)
+        row = row_of(push, es_p) + row_of(es, turn_p)
         d(9, 4:7) = row - lambda(4)*y1_p(3, :)
         d(9, 8) = dot_product(es, turn_1)
         d(9, 9) = lambda(6) + dot_product(es, turn_2)
@@ -552,7 +557,7 @@ contains
         end if
     end subroutine differentiate_dynamics
 
-    !> V = m g rz + k (s - sf)^2 / 2.
+    !> Potential energy V = m g rz + k (s - sf)^2 / 2.
     subroutine potential_energy(self, t, q, value, stat)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
@@ -575,7 +580,7 @@ contains
         c = a(:, 1)*b(1) + a(:, 2)*b(2) + a(:, 3)*b(3)
     end function rotate
 
-    !> Gradient with respect to p of the height of A a, uz' B(p, a).
+    !> Gradient with respect to p of the height of A a: uz' B(p, a).
     pure function height_row(p, a) result(row)
         real(wp), intent(in) :: p(4), a(3)
         real(wp) :: row(4)
@@ -586,7 +591,7 @@ contains
         row(4) = 2*(p(2)*a(1) + p(3)*a(2) + p(4)*a(3))
     end function height_row
 
-    !> b x uz: from the tangent of a rim to the direction without slip of its wheel.
+    !> b x uz, which converts the tangent of a rim to the sideways direction of the wheel.
     pure function sideways(b) result(c)
         real(wp), intent(in) :: b(3)
         real(wp) :: c(3)
@@ -595,18 +600,18 @@ contains
     end function sideways
 
     !> a' B (4).
-    pure function along(a, block) result(row)
+    pure function row_of(a, block) result(row)
         real(wp), intent(in) :: a(3), block(3, 4)
         real(wp) :: row(4)
 
         row = a(1)*block(1, :) + a(2)*block(2, :) + a(3)*block(3, :)
-    end function along
+    end function row_of
 
-    !> uz x b: dot_product(sideways(a), b) = dot_product(a, crossways(b)).
-    pure function crossways(b) result(c)
+    !> uz x b, so that dot_product(sideways(a), b) = dot_product(a, sideways_adjoint(b)).
+    pure function sideways_adjoint(b) result(c)
         real(wp), intent(in) :: b(3)
         real(wp) :: c(3)
 
         c = [-b(2), b(1), 0.0_wp]
-    end function crossways
+    end function sideways_adjoint
 end module tandem_models_motorcycle

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Start of the motorcycle in static equilibrium, which the paper's printed start is not.
+!> Static equilibrium of the motorcycle as a start; the start printed in the paper is not an equilibrium.
 submodule(tandem_models_motorcycle) tandem_models_motorcycle_start
     use tandem_linalg_lu, only: lu_type
     implicit none (type, external)
@@ -20,7 +20,7 @@ contains
         q(4:5) = [cos(pitch/2), sin(pitch/2)]
         q(8:9) = -self%wheel_radius*[sin(tilt), cos(tilt)]
         q(10) = fork_length(self, pitch)
-        ! C qd = nu, the y velocity of the rear axle's centre, and 2 (G pd)_x = 0, which is ux' 2 G(p) pd.
+        ! Velocity conditions: C qd = nu, the y velocity of the rear axle's centre, and the pitch rate ux' 2 G(p) pd = 0.
         self%segment = 1
         call terms%allocate(10, 6, 2)
         call self%evaluate(need_jacobian + need_nu, 0.0_wp, q, qd, terms, stat)
@@ -39,7 +39,7 @@ contains
         call lu%solve(qd)
     end procedure start
 
-    !> Length of the fork at a pitch with all wheels on the ground (m).
+    !> Length of the fork if all wheels touch the ground, for a given pitch (m).
     pure real(wp) function fork_length(self, pitch)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(in) :: pitch
@@ -48,7 +48,7 @@ contains
             cos(self%fork_angle + pitch)
     end function fork_length
 
-    !> Pitch of static equilibrium: the stationary point of m g rz + k (s - sf)^2 / 2 by Newton's iteration.
+    !> Pitch of static equilibrium: stationary point of m g rz + k (s - sf)^2 / 2, by Newton's iteration.
     subroutine find_equilibrium_pitch(self, pitch, stat)
         class(motorcycle_type), intent(in) :: self
         real(wp), intent(out) :: pitch
@@ -61,7 +61,7 @@ contains
         stat = 0
         associate (l => self%rear_length + self%fork_forward, h => self%fork_height, phi => self%fork_angle)
             do i = 1, most_iterations
-                ! s cos(phi + pitch) = l sin(pitch) + h cos(pitch), differentiated once and twice.
+                ! First and second derivatives of s cos(phi + pitch) = l sin(pitch) + h cos(pitch).
                 s = fork_length(self, pitch)
                 s1 = (l*cos(pitch) - h*sin(pitch) + s*sin(phi + pitch))/cos(phi + pitch)
                 s2 = (-l*sin(pitch) - h*cos(pitch) + 2*s1*sin(phi + pitch) + s*cos(phi + pitch))/cos(phi + pitch)

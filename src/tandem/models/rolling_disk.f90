@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> The disk of section 8 that rolls without slipping on the plane z = 0.
+!> Disk of section 8, which rolls without slip on the plane z = 0.
 !>
-!> q = (r, p, a): centre r, Euler parameters p of the disk's frame (x' is its axis), and a = (a1, a2), the vector from the
-!> centre to the contact point in the disk's plane. With alpha = (0, a1, a2) and beta = (0, -a2, a1), both in the disk's frame,
-!> the contact point is r + A alpha, and A beta is the tangent of the rim there.
+!> q = (r, p, a): centre r, Euler parameters p of the disk's frame, whose x' axis is the axis of the disk, and a = (a1, a2), the
+!> vector from the centre to the contact point in the plane of the disk. With alpha = (0, a1, a2) and beta = (0, -a2, a1) in the
+!> frame of the disk, the contact point is r + A alpha, and the tangent of the rim there is A beta.
 !>
-!> The total energy is constant. The contact is bilateral: the disk can be pulled down but never lifts off.
+!> The total energy is constant. The contact is bilateral: it can pull the disk down, and the disk never lifts off.
 module tandem_models_rolling_disk
     use tandem_kinds, only: wp
     use tandem_model, only: label_length, model_type
@@ -19,7 +19,7 @@ module tandem_models_rolling_disk
 
     public :: rolling_disk_type
 
-    !> The disk with its parameters; set these and call `define`; then `start` gives a consistent start.
+    !> The disk and its parameters. Set the parameters, then call `define`, then `start` for a consistent start.
     type, extends(model_type) :: rolling_disk_type
         !> Mass (kg).
         real(wp) :: mass = 10.0_wp
@@ -33,7 +33,7 @@ module tandem_models_rolling_disk
 
 contains
 
-    !> Associate the procedures and set the names; to be called after the parameters are set.
+    !> Associate the procedures and set the names. To be called after the parameters are set.
     subroutine define(self)
         class(rolling_disk_type), intent(inout) :: self
 
@@ -51,21 +51,21 @@ contains
         self%evaluate_derivatives => evaluate_derivatives
         self%provides_derivatives = need_all_derivatives
         self%potential_energy => potential_energy
-        ! Blocks of the centre, the Euler parameters, the contact on the rim.
+        ! Blocks: centre, Euler parameters, contact point on the rim.
         self%mass_blocks = [1, 1, 1, 4, 1, 1]
         self%provides = need_phi + need_jacobian + need_gamma + need_mass + need_force
     end subroutine define
 
-    !> The disk above the origin, its plane rotated by `tilt` (rad) about y from the vertical y-z plane, with an angular velocity in
-    !> its own frame (rad/s); rolling determines the other velocities.
+    !> State of a disk above the origin. Its plane is tilted from the vertical y-z plane by `tilt` (rad) about y, and its angular
+    !> velocity in the disk's frame is `omega` (rad/s). The other velocities follow from rolling.
     pure subroutine start(self, omega, tilt, q, qd)
         class(rolling_disk_type), intent(in) :: self
         !> Angular velocity in the disk's frame (rad/s).
         real(wp), intent(in) :: omega(3)
-        !> Tilt (rad), less than pi/2 in modulus.
+        !> Tilt (rad), of absolute value less than pi/2.
         real(wp), intent(in) :: tilt
         real(wp), intent(out) :: q(9), qd(9)
-        real(wp) :: p(4), pd(4), a(3, 3), alpha(3), beta(3), contact(3), tangent(3), turn
+        real(wp) :: p(4), pd(4), a(3, 3), alpha(3), beta(3), contact(3), tangent(3), turn_rate
 
         p = [cos(tilt/2), 0.0_wp, sin(tilt/2), 0.0_wp]
         if (.not. abs(tilt) > 0.0_wp) p = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
@@ -77,17 +77,17 @@ contains
         q(3) = -dot_product(a(3, :), alpha)
         q(4:7) = p
         q(8:9) = alpha(2:3)
-        ! The contact stays at the bottom: d/dt (uz' A beta) = 0 with betad = -turn alpha, alphad = turn beta.
+        ! The contact point remains at the bottom: d/dt (uz' A beta) = 0, with betad = -turn_rate alpha and alphad = turn_rate beta.
         tangent = b_product(p, beta, pd)
-        turn = tangent(3)/dot_product(a(3, :), alpha)
+        turn_rate = tangent(3)/dot_product(a(3, :), alpha)
         contact = b_product(p, alpha, pd)
         qd(1:2) = -contact(1:2)
-        qd(3) = -contact(3) - turn*dot_product(a(3, :), beta)
+        qd(3) = -contact(3) - turn_rate*dot_product(a(3, :), beta)
         qd(4:7) = pd
-        qd(8:9) = turn*beta(2:3)
+        qd(8:9) = turn_rate*beta(2:3)
     end subroutine start
 
-    !> The terms (106)-(110).
+    !> Evaluate the terms (106)-(110).
     subroutine evaluate(self, need, t, q, qd, terms, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -121,8 +121,7 @@ contains
         phi(4) = 0.5_wp*(q(8)**2 + q(9)**2 - self%radius**2)
     end subroutine set_phi
 
-    !> C = [Phi_q; E] (107), (109): B(p, alpha) in rows 5, 6 and 1, the last row of
-    !> B(p, beta) in row 2, with alpha = (0, a1, a2) and beta = (0, -a2, a1).
+    !> C = [Phi_q; E] (107), (109): B(p, alpha) in rows 5, 6 and 1, and the last row of B(p, beta) in row 2.
     pure subroutine set_jacobian(q, jacobian)
         real(wp), intent(in) :: q(:)
         real(wp), intent(out) :: jacobian(6, 9)
@@ -159,7 +158,7 @@ contains
         jacobian(6, 7) = -d
         jacobian(4, 8) = a1
         jacobian(4, 9) = a2
-        ! The last row of A, a32 and a33.
+        ! Entries a32 and a33 of the last row of A.
         s = 0.5_wp*(e3*e2 + e0*e1)
         d = 0.25_wp*(e0**2 - e1**2 - e2**2 + e3**2)
         jacobian(1, 8) = s
@@ -168,10 +167,10 @@ contains
         jacobian(2, 9) = -s
     end subroutine set_jacobian
 
-    !> gamma. The second derivative of A alpha without second derivatives is 2 A(pd) alpha + 2 Ad alphad, because A is quadratic in
-    !> p; that of A beta is analogous. Only the columns of A(pd) and Ad along y' and z' are needed, because alpha and beta are in
-    !> the plane of the disk. Rows 5 and 6 differentiate rd + Ad alpha, the velocity of the disk's contact point: there Ad alphad
-    !> occurs once.
+    !> gamma. A is quadratic in p. For zero second derivatives of p and a, the second derivative of A alpha is 2 A(pd) alpha + 2 Ad
+    !> alphad; that of A beta is analogous. alpha and beta lie in the plane of the disk, so that only the columns of A(pd) and Ad
+    !> along y' and z' are required. Rows 5 and 6 differentiate rd + Ad alpha, the velocity of the material point in contact, in
+    !> which Ad alphad occurs once.
     pure subroutine set_gamma(q, qd, gamma)
         real(wp), intent(in) :: q(:), qd(:)
         real(wp), intent(out) :: gamma(6)
@@ -200,7 +199,7 @@ contains
         end associate
     end subroutine set_gamma
 
-    !> M, of the mass and 4 G' J G.
+    !> Mass matrix: the mass, and 4 G'J G.
     pure subroutine set_mass(self, q, mass)
         class(rolling_disk_type), intent(in) :: self
         real(wp), intent(in) :: q(:)
@@ -214,7 +213,7 @@ contains
         call set_rotational_mass(q(4:7), self%inertia, size(mass, 1), mass(4, 4))
     end subroutine set_mass
 
-    !> S + Q_A.
+    !> Forces S + Q_A.
     pure subroutine set_force(self, q, qd, force)
         class(rolling_disk_type), intent(in) :: self
         real(wp), intent(in) :: q(:), qd(:)
@@ -225,8 +224,8 @@ contains
         force(4:7) = g_transposed_product(qd(4:7), 8*self%inertia*g_product(qd(4:7), q(4:7)))
     end subroutine set_force
 
-    !> Derivatives of (111), as gradients of the velocity and acceleration constraints and of the equations of motion. With v = d/dt
-    !> (A alpha) etc., rows 1, 5, 6 differentiate the motion of the contact point, row 2 that of the tangent.
+    !> Derivatives (111), as gradients of the velocity and acceleration constraints and of the equations of motion. With v = d/dt (A
+    !> alpha) and its analogues, rows 1, 5 and 6 differentiate the motion of the contact point, and row 2 that of the tangent.
     subroutine evaluate_derivatives(self, need, t, q, qd, qdd, lambda, derivatives, stat)
         class(model_type), intent(inout) :: self
         integer, intent(in) :: need
@@ -247,7 +246,7 @@ contains
         rate = rotation_rate(p, pd)
         if (iand(need, need_velocity_q) /= 0) then
             associate (d => derivatives%velocity_q)
-                ! (B(p, alpha) pd + A alphad)_p = B(pd, alpha) + B(p, alphad); its derivative with respect to a is Ad.
+                ! (B(p, alpha) pd + A alphad)_p = B(pd, alpha) + B(p, alphad). Its derivative with respect to a is Ad.
                 d = 0.0_wp
                 block = b_matrix(pd, alpha)
                 mixed = b_matrix(p, alphad)
@@ -284,7 +283,7 @@ contains
         end if
         if (iand(need, need_acceleration_qd) /= 0) then
             associate (d => derivatives%acceleration_qd)
-                ! gamma_qd; in rows 5 and 6 it is E2 + Ed, which the paper prints as 2 E2.
+                ! gamma_qd. Rows 5 and 6 contain E2 + Ed, which the paper prints as 2 E2.
                 d = 0.0_wp
                 block = b_matrix(pd, alpha)
                 mixed = b_matrix(p, alphad)
@@ -311,7 +310,7 @@ contains
         end select
     end subroutine evaluate_derivatives
 
-    !> The gradient dynamics_q: M2(q, qdd) - S_q + (C' lambda)_q.
+    !> Gradient dynamics_q = M2(q, qdd) - S_q + (C' lambda)_q.
     pure subroutine differentiate_dynamics(inertia, q, qd, qdd, lambda, d)
         real(wp), intent(in) :: inertia(3), q(:), qd(:), qdd(:), lambda(:)
         real(wp), intent(out) :: d(:, :)
@@ -323,7 +322,7 @@ contains
         pdd = qdd(4:7)
         alpha = [0.0_wp, q(8), q(9)]
         beta = [0.0_wp, -q(9), q(8)]
-        ! The rows of contact forces act along (lambda5, lambda6, lambda1).
+        ! The contact force is (lambda5, lambda6, lambda1).
         d = 0.0_wp
         uz = [0.0_wp, 0.0_wp, 1.0_wp]
         a_uz = [lambda(5), lambda(6), lambda(1)]
@@ -333,7 +332,7 @@ contains
         do j = 4, 7
             d(j, j) = d(j, j) + lambda(3)
         end do
-        ! (B(p, a)' b)_a = C(p, b)'; no-slip rows do not act on a.
+        ! (B(p, a)' b)_a = C(p, b)'. The no-slip rows do not contain the rates of a.
         force_c = c_matrix(p, a_uz)
         d(4:7, 8) = force_c(2, :)
         d(4:7, 9) = force_c(3, :)
@@ -346,7 +345,7 @@ contains
         d(9, 9) = lambda(4)
     end subroutine differentiate_dynamics
 
-    !> V = m g rz.
+    !> Potential energy V = m g rz.
     subroutine potential_energy(self, t, q, value, stat)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)

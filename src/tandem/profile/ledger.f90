@@ -1,13 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> Time measurement of a run: every moment belongs to one part, the innermost one that was entered and not left.
+!> Time measurement of a run. At any moment, time is attributed to one part: the innermost part that has been entered and not left.
 !>
-!> The clock is read once when a part is entered and once when it is left, so that the times of all parts sum to the total. A
-!> reading takes some 20 to 60 ns, as much as a small part of a step, and counts on both sides of it: the time of an empty part on
-!> either side is measured in a loop, and subtracted for each call. In a run it is larger, because it restricts out-of-order
-!> execution: `compare` finds the difference from runs with and without clocks.
+!> The clock is read once when a part is entered and once when it is left, so that the times of all parts add up to the total.
+!> Reading it takes about 20 to 60 ns, as much as a small part of a step, and affects both the part and the enclosing part. The time
+!> attributed to each of them for an empty part is measured in a loop, and is subtracted per call. It is larger during a run,
+!> because reading the clock restricts out-of-order execution; `compare` determines the difference from runs with and without
+!> clocks.
 !>
-!> For a measured run this is the timer of the model (`model%state%timer`), which its chart uses too, and observers are wrapped
-!> (`profiled_observer_type`).
+!> For a measured run, an object of this type is the timer of the model (`model%state%timer`), which its chart uses too, and
+!> observers are wrapped (`profiled_observer_type`).
 module tandem_profile_ledger
     use tandem_kinds, only: long, wp
     use tandem_model_timer, only: timer_type
@@ -17,41 +18,43 @@ module tandem_profile_ledger
 
     public :: profile_type, mark_type
 
-    !> Data of `enter` for `leave`.
+    !> Data that `enter` stores for `leave`.
     type :: mark_type
         private
-        !> Part that was left, its time, and number of parts left until then.
+        !> Enclosing part; the part itself; number of parts left before it was entered.
         integer :: before = part_control, part = part_control
         integer(long) :: since = 0, pairs = 0
     end type mark_type
 
-    !> Deepest nesting of operations of a chart.
-    integer, parameter :: deepest = 8
+    !> Largest depth of nested operations of a chart.
+    integer, parameter :: max_depth = 8
 
-    !> Times and calls of a run, from `begin` to `finish`.
+    !> Times and calls of the parts of a run, from `begin` to `finish`.
     type, extends(timer_type) :: profile_type
-        !> Number of entries of each part.
+        !> Number of times each part was entered.
         integer(long) :: calls(n_parts) = 0
-        !> Time of an empty part (s): counted in the part itself, and in the enclosing part; both are subtracted per call.
+        !> Time of an empty part (s) that is attributed to the part itself and to the enclosing part. Both are subtracted per call.
         real(wp) :: cost_within = 0.0_wp, cost_around = 0.0_wp
-        !> Sum of both, measured in a loop.
+        !> Sum of both times, as measured in a loop.
         real(wp) :: cost_in_loop = 0.0_wp
-        !> Times of the two runs of `compare` (s), with and without clocks; 0 if there were none.
+        !> Durations of the two runs of `compare` (s), with and without clocks; 0 without such runs.
         real(wp) :: clocked = 0.0_wp, plain = 0.0_wp
-        !> Number of parts left: the clock is read twice for each.
+        !> Number of parts left; the clock is read twice for each.
         integer(long) :: pairs = 0
-        !> Wall time from `begin` to `finish` including clocks (s), and processor time of this process in it.
+        !> Wall time from `begin` to `finish` (s), including the reading of the clock; processor time of the process in this
+        !> interval (s).
         real(wp) :: measured = 0.0_wp, processor = 0.0_wp
-        !> Clock ticks in each part excluding and including inner parts; parts entered from it, and pairs of readings within.
+        !> Clock ticks in each part, excluding and including inner parts; number of parts entered directly from it; number of parts
+        !> left within it.
         integer(long), private :: ticks(n_parts) = 0, whole(n_parts) = 0, entered(n_parts) = 0, within(n_parts) = 0
         integer, private :: current = part_control
         integer(long), private :: since = 0, rate = 1
         real(wp), private :: processor_from = 0.0_wp
-        !> True during a call of a procedure of the model; mark to leave it.
+        !> True during a call of a procedure of the model; mark for leaving it.
         logical, private :: is_in_call = .false.
         type(mark_type), private :: call_mark
-        !> Marks of the operations that were begun, and their number.
-        type(mark_type), private :: operation_mark(deepest)
+        !> Marks of operations that have begun and not ended; their number.
+        type(mark_type), private :: operation_mark(max_depth)
         integer, private :: depth = 0
     contains
         procedure :: begin, enter, leave, begin_call, end_call, begin_operation, end_operation, finish, compare
@@ -61,10 +64,12 @@ module tandem_profile_ledger
 
 contains
 
-    !> Reset, beginning with the part `part_control`; first measures the cost of the clock, which takes some milliseconds.
+    !> Begin a measurement in the part `part_control`. The cost of reading the clock is measured first, which takes some
+    !> milliseconds.
     subroutine begin(self)
         class(profile_type), intent(inout) :: self
-        !> Parts in a batch; the fastest batch is used, because of other load on the machine.
+        !> Number of parts per batch; number of batches. The fastest batch is used, because other processes may slow down the
+        !> machine.
         integer, parameter :: batch = 2000, n_batches = 11
         type(profile_type) :: trial
         type(mark_type) :: mark
@@ -111,7 +116,7 @@ contains
         class(profile_type), intent(inout) :: self
         !> Index of the part.
         integer, intent(in) :: part
-        !> For `leave`.
+        !> Mark for `leave`.
         type(mark_type), intent(out) :: mark
         integer(long) :: now
 
@@ -127,7 +132,7 @@ contains
         self%since = now
     end subroutine enter
 
-    !> Leave the part entered with this mark.
+    !> Leave the part that was entered with the given mark.
     subroutine leave(self, mark)
         class(profile_type), intent(inout) :: self
         type(mark_type), intent(in) :: mark
@@ -142,7 +147,7 @@ contains
         self%since = now
     end subroutine leave
 
-    !> Enter the part of a procedure of the model, possibly from that of another one.
+    !> Enter the part of a procedure of the model, possibly directly from another one.
     subroutine begin_call(self, number)
         class(profile_type), intent(inout) :: self
         integer, intent(in) :: number
@@ -152,7 +157,7 @@ contains
         self%is_in_call = .true.
     end subroutine begin_call
 
-    !> Leave the part of the model.
+    !> Leave the part of the procedure of the model.
     subroutine end_call(self)
         class(profile_type), intent(inout) :: self
 
@@ -166,14 +171,14 @@ contains
         integer, intent(in) :: number
 
         self%depth = self%depth + 1
-        if (self%depth <= deepest) call self%enter(part_chart + number, self%operation_mark(self%depth))
+        if (self%depth <= max_depth) call self%enter(part_chart + number, self%operation_mark(self%depth))
     end subroutine begin_operation
 
-    !> Leave the part of the last operation.
+    !> Leave the part of the operation that began last.
     subroutine end_operation(self)
         class(profile_type), intent(inout) :: self
 
-        if (self%depth <= deepest) call self%leave(self%operation_mark(self%depth))
+        if (self%depth <= max_depth) call self%leave(self%operation_mark(self%depth))
         self%depth = self%depth - 1
     end subroutine end_operation
 
@@ -191,13 +196,13 @@ contains
         self%measured = real(sum(self%ticks), wp)/real(self%rate, wp)
     end subroutine finish
 
-    !> Set the cost of the clock from another run, at least its cost in a loop and at most `most` times as much: beyond that, one of
-    !> the two runs was disturbed.
+    !> Set the cost of reading the clock from a comparison with another run. It is limited to between its value in a loop and `most`
+    !> times this value; outside of these limits one of the runs was disturbed.
     subroutine compare(self, clocked, plain, pairs)
         class(profile_type), intent(inout) :: self
-        !> Times of this run with and without clocks (s).
+        !> Durations of this run with and without clocks (s).
         real(wp), intent(in) :: clocked, plain
-        !> Number of parts left in it.
+        !> Number of parts left in the run.
         integer(long), intent(in) :: pairs
         real(wp), parameter :: most = 3.0_wp
         real(wp) :: factor
@@ -211,8 +216,8 @@ contains
         self%cost_around = factor*self%cost_around
     end subroutine compare
 
-    !> Time of a part excluding inner parts and the clock (s). Negative if the clock exceeds the measured time: the part is then too
-    !> short to be measured.
+    !> Time of a part (s), excluding inner parts and the reading of the clock. Negative values mean that the part is too short to be
+    !> measured.
     pure real(wp) function seconds(self, part)
         class(profile_type), intent(in) :: self
         !> Index of the part.
@@ -222,7 +227,7 @@ contains
             self%cost_around*real(self%entered(part), wp)
     end function seconds
 
-    !> Time of a part including inner parts, without the clock (s).
+    !> Time of a part (s), including inner parts and excluding the reading of the clock.
     pure real(wp) function whole_seconds(self, part)
         class(profile_type), intent(in) :: self
         !> Index of the part.
@@ -232,29 +237,29 @@ contains
             (self%cost_within + self%cost_around)*real(self%within(part), wp)
     end function whole_seconds
 
-    !> Time of all parts, the run without the clock (s).
+    !> Total time of all parts (s): the duration of the run without clocks.
     pure real(wp) function total(self)
         class(profile_type), intent(in) :: self
 
         total = self%measured - self%clock_seconds()
     end function total
 
-    !> Additional time of a run due to output (s), including calls of the model and the chart for it.
+    !> Additional time of a run due to output (s), including the evaluations of the model and the chart for it.
     pure real(wp) function output_seconds(self)
         class(profile_type), intent(in) :: self
 
-        ! All other parts of output are within these two.
+        ! All other parts of output are entered from these two.
         output_seconds = self%whole_seconds(part_rows) + self%whole_seconds(part_open)
     end function output_seconds
 
-    !> Time of all parts except output and watching (s).
+    !> Time of all parts (s) except output and observers.
     pure real(wp) function bare_seconds(self)
         class(profile_type), intent(in) :: self
 
         bare_seconds = self%total() - self%output_seconds() - self%whole_seconds(part_watch)
     end function bare_seconds
 
-    !> Time subtracted for the clock (s).
+    !> Time that is subtracted for reading the clock (s).
     pure real(wp) function clock_seconds(self)
         class(profile_type), intent(in) :: self
 

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> An observer that forwards to another one and measures its time.
+!> Observer that calls another observer and measures its time.
 module tandem_profile_observer
     use tandem_error, only: error_type
     use tandem_profile_ledger, only: mark_type, profile_type
@@ -10,12 +10,12 @@ module tandem_profile_observer
 
     public :: profiled_observer_type
 
-    !> Pass it to `integrate` of the simulation in place of `inner`.
+    !> Pass an object of this type to `integrate` of the simulation in place of `inner`.
     type, extends(observer_type) :: profiled_observer_type
-        !> Observer that does the work, and measured times; both must outlive this one.
+        !> Observer to be called, and the measured times. Both must exist as long as this object.
         class(observer_type), pointer :: inner => null()
         type(profile_type), pointer :: profile => null()
-        !> Part for the time: `part_rows` for an observer that writes.
+        !> Part to which the time is attributed; `part_rows` for an observer that writes output.
         integer :: part = part_watch
     contains
         procedure :: observe
@@ -23,7 +23,7 @@ module tandem_profile_observer
 
 contains
 
-    !> Forward. The inner observer may be of this type again.
+    !> Call the inner observer, which may be of this type as well.
     recursive subroutine observe(self, simulation, occasion, error)
         class(profiled_observer_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation

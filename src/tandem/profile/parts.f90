@@ -17,34 +17,35 @@ module tandem_profile_parts
     public :: part_single, part_terms, part_derivatives
     public :: group_model, group_chart, group_newton, group_control, group_output, group_start, group_watch
 
-    !> Everything not in another part: sums of steppers, choice of steps, state, events.
+    !> Everything that is not in another part: sums of steppers, choice of steps, states, events.
     integer, parameter :: part_control = 1
-    !> The start of a simulation; observers that do not write.
+    !> Start of a simulation; observers that do not write output.
     integer, parameter :: part_start = 2, part_watch = 3
-    !> Parts of output: rows collected in memory, written to disk, state of checkpoints, file opened and closed.
+    !> Parts of output: rows collected in memory, rows written to disk, state for checkpoints, opening and closing of the file.
     integer, parameter :: part_rows = 4, part_blocks = 5, part_checkpoint = 6, part_open = 7
-    !> Operation number i of a chart (`tandem_model_timer`) is the part `part_chart + i`.
+    !> Operation i of a chart (`tandem_model_timer`) is the part `part_chart + i`.
     integer, parameter :: part_chart = 7, part_renew = part_chart + of_origin, part_refresh = part_chart + of_refresh, &
         part_position = part_chart + of_position, part_velocity = part_chart + of_velocity, &
         part_acceleration = part_chart + of_acceleration, part_errors = part_chart + of_errors, &
         part_rank = part_chart + of_rank, part_health = part_chart + of_policy, part_multipliers = part_chart + of_multipliers, &
         part_energy = part_chart + of_energy, part_projection = part_chart + of_projection
-    !> Newton's iteration: matrices computed and factored, reused from previous steps, corrections, points of iterates with their
-    !> residuals and systems, error filter by the matrix.
+    !> Newton's iteration: matrices computed and factored; matrices reused from previous steps; corrections; points, residuals and
+    !> systems of iterates; filter of the error estimate.
     integer, parameter :: part_matrix = part_chart + of_matrix, part_reuse = part_chart + of_reuse, &
         part_correction = part_chart + of_correction, part_stage = part_chart + of_stage, part_filter = part_chart + of_filter
-    !> Call number i of a model (`tandem_model_timer`) is the part `part_single + i`; those of the single procedures come first
+    !> Call i of a procedure of a model (`tandem_model_timer`) is the part `part_single + i`; single procedures come first
     !> (`single_name`).
     integer, parameter :: part_single = part_chart + n_operations, n_singles = of_evaluate
-    !> A call of `evaluate`, or of `evaluate_derivatives`, with the need mask m is `part_terms + m`, or `part_derivatives + m`.
+    !> A call of `evaluate` with the need mask m is the part `part_terms + m`, a call of `evaluate_derivatives` the part
+    !> `part_derivatives + m`.
     integer, parameter :: part_terms = part_single + of_evaluate, part_derivatives = part_single + of_evaluate_derivatives
     !> Number of parts.
     integer, parameter :: n_parts = part_derivatives + need_all_derivatives
 
-    !> The groups.
+    !> Groups of parts.
     integer, parameter :: group_model = 1, group_chart = 2, group_newton = 3, group_control = 4, group_output = 5, &
         group_start = 6, group_watch = 7
-    !> Number of groups, and their names.
+    !> Number of groups.
     integer, parameter :: n_part_groups = 7
     character(len=20), parameter :: part_group_name(n_part_groups) = [character(len=20) :: 'model', 'chart', 'Newton', &
         'stepper and control', 'output', 'start', 'watching']
@@ -58,7 +59,8 @@ module tandem_profile_parts
         'multipliers', 'kinetic energy', 'velocity after a jump', 'matrices', 'matrices kept', 'corrections', &
         'points of stages', 'error filter']
 
-    !> Procedures of a model with one term each, in the order of `model_type`, and the bit of the term if it is one of `term_name`.
+    !> Single procedures of a model, in the order of `procedure_model_type`; bit of the term if the procedure evaluates one of
+    !> `term_name`.
     character(len=24), parameter :: single_name(n_singles) = [character(len=24) :: 'holonomic', 'holonomic_jacobian', &
         'holonomic_rate', 'nonholonomic_jacobian', 'nonholonomic_rhs', 'constraint_acceleration', 'mass_matrix', &
         'inertia_force', 'applied_force', 'kinetic_energy', 'potential_energy', 'jacobian_derivative', 'nu_derivative', &
@@ -67,7 +69,7 @@ module tandem_profile_parts
 
 contains
 
-    !> Name of a part, padded with blanks; parts of the model have the names of its procedures.
+    !> Name of a part, padded with blanks. Parts of the model are named after its procedures.
     pure function part_name(part) result(name)
         !> Index of the part.
         integer, intent(in) :: part
@@ -86,10 +88,10 @@ contains
         end if
     end function part_name
 
-    !> Append the names of the bits of a need mask, each after a blank.
+    !> Append the names of the bits in a need mask, separated by blanks.
     pure subroutine add_names(mask, names, text)
         integer, intent(in) :: mask
-        !> In the order of the bits.
+        !> Names in the order of the bits.
         character(len=*), intent(in) :: names(:)
         character(len=*), intent(out) :: text
         integer :: i, last
@@ -125,7 +127,7 @@ contains
         end select
     end function part_group
 
-    !> Terms of the model that a call of a part evaluates, a sum of need bits.
+    !> Terms of the model that a call evaluates in a part, a sum of need bits.
     pure integer function terms_of_part(part)
         !> Index of the part.
         integer, intent(in) :: part

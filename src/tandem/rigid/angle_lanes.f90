@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Cosines and sines of several angles at once, accurate to the last digit or two: the nearest multiple of a quarter turn is
-!> subtracted, and for the remainder, at most an eighth of a turn, the Taylor series are summed.
+!> Cosines and sines of several angles at once, accurate to one or two units in the last place. The nearest multiple of pi/2 is
+!> subtracted, and the Taylor series are summed for the remainder, which is at most pi/4.
 module tandem_rigid_angle_lanes
     use tandem_kinds, only: lane, wp
     implicit none (type, external)
@@ -8,11 +8,10 @@ module tandem_rigid_angle_lanes
 
     public :: set_cosines_and_sines
 
-    !> A quarter turn in three parts, of which the first two have 33 binary digits each: their products with numbers up to a million
-    !> are exact.
+    !> pi/2 in three parts. The first two parts have 33 bits each, so that their products with integers up to a million are exact.
     real(wp), parameter :: quarter(3) = [6746518852.0_wp*2.0_wp**(-32), 4484108710.0_wp*2.0_wp**(-66), &
         2.0222662487959506e-21_wp]
-    !> Larger angles use the intrinsic functions.
+    !> Larger angles are passed to the intrinsic functions.
     real(wp), parameter :: largest = 1.0e5_wp
 
 contains
@@ -23,7 +22,7 @@ contains
         real(wp), intent(out) :: c(lane), s(lane)
         real(wp) :: cosine, d, multiple, r, sine, most
         integer :: k, l
-        !> One over the factorials.
+        !> Reciprocals of the factorials.
         integer, parameter :: n_terms = 17
         real(wp), parameter :: over(n_terms) = [(1.0_wp/gamma(k + 1.0_wp), k=1, n_terms)]
 
@@ -46,7 +45,7 @@ contains
                 d*over(17))))))))
             cosine = 1.0_wp - d*(over(2) - d*(over(4) - d*(over(6) - d*(over(8) - d*(over(10) - d*(over(12) - d*(over(14) - &
                 d*over(16))))))))
-            ! Quarter turns exchange the two and their signs.
+            ! A rotation by pi/2 exchanges cosine and sine, with a change of sign.
             c(l) = merge(sine, cosine, iand(k, 1) == 1)
             s(l) = merge(cosine, sine, iand(k, 1) == 1)
             c(l) = merge(-c(l), c(l), iand(k + 1, 2) == 2)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The calculus of Euler parameters (`tandem_rigid_euler_parameters`) for several bodies at once: every entry of a vector or matrix
-!> is a row of `lane` numbers, one for each body. As there, everything holds for every p.
+!> Calculus of Euler parameters (`tandem_rigid_euler_parameters`) for several bodies at once: each entry of a vector or matrix is a
+!> row of `lane` numbers, one per body. As in that module, all formulas hold for arbitrary p.
 module tandem_rigid_euler_lanes
     use tandem_kinds, only: lane, wp
     implicit none (type, external)
@@ -54,7 +54,7 @@ contains
         end do
     end subroutine set_rotation_rates
 
-    !> m a.
+    !> v = m a.
     pure subroutine turn_each(m, a, v)
         real(wp), intent(in) :: m(lane, 3, 3), a(lane, 3)
         real(wp), intent(out) :: v(lane, 3)
@@ -97,7 +97,7 @@ contains
         end do
     end subroutine set_gradients
 
-    !> n' B(p, a) without the matrix.
+    !> n'B(p, a), without forming the matrix.
     pure subroutine set_gradient_rows(p, a, n, row)
         real(wp), intent(in) :: p(lane, 4), a(lane, 3), n(lane, 3)
         real(wp), intent(out) :: row(lane, 4)
@@ -134,15 +134,15 @@ contains
         end do
     end subroutine set_dots
 
-    !> Copy four numbers of each of several bodies, behind the first ones of each body.
+    !> Copy four consecutive numbers of each body.
     pure subroutine take_four(before, offset, n, q, x)
-        !> Entry of q before each body's numbers, and the number of entries to skip.
+        !> For each body, number of entries of q before its own; number of its entries to skip.
         integer, intent(in) :: before(lane), offset, n
         real(wp), intent(in) :: q(n)
         real(wp), intent(out) :: x(lane, 4)
         integer :: k, l
 
-        ! In this form it is compiled to loads of four numbers and a transposition in registers.
+        ! This form is compiled to loads of four numbers and a transposition in registers.
         !GCC$ UNROLL 1
         do k = 1, 4
             !GCC$ UNROLL 8

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Euler parameters p = (e0, e) and the matrices of their calculus. Everything holds for every p, not only for unit ones.
+!> Euler parameters p = (e0, e) and the matrices of their calculus. All formulas hold for arbitrary p, not only for unit ones.
 !> Source: Haug, Computer-Aided Kinematics and Dynamics of Mechanical Systems, 1989; Serban and Haug, 1998,
 !> doi 10.1080/08905459808945425; section 19 of doc/theory.md.
 module tandem_rigid_euler_parameters
@@ -14,7 +14,7 @@ module tandem_rigid_euler_parameters
 
 contains
 
-    !> A(p) = E G' = (e0^2 - e'e) I + 2 e e' + 2 e0 ~e, from the body's frame to the global one (3, 3).
+    !> A(p) = E G' = (e0^2 - e'e) I + 2 e e' + 2 e0 ~e, from the body frame to the world frame (3, 3).
     pure function rotation(p) result(a)
         real(wp), intent(in) :: p(4)
         real(wp) :: a(3, 3)
@@ -51,7 +51,7 @@ contains
         e(:, 4) = [p(3), -p(2), p(1)]
     end function e_matrix
 
-    !> G(p) = [-e, e0 I - ~e] (3, 4); the angular velocity in the body's frame is 2 G pd.
+    !> G(p) = [-e, e0 I - ~e] (3, 4); the angular velocity in the body frame is 2 G pd.
     pure function g_matrix(p) result(g)
         real(wp), intent(in) :: p(4)
         real(wp) :: g(3, 4)
@@ -85,7 +85,7 @@ contains
         b(3, 4) = 2*s
     end function b_matrix
 
-    !> C(p, a) = (A(p)' a)_p = 2 [(e0 I - ~e) a, e a' + (e0 I - ~e) ~a] (3, 4): B of the conjugate.
+    !> C(p, a) = (A(p)'a)_p = 2 [(e0 I - ~e) a, e a' + (e0 I - ~e) ~a] (3, 4): B for the conjugate parameters.
     pure function c_matrix(p, a) result(c)
         real(wp), intent(in) :: p(4), a(3)
         real(wp) :: c(3, 4)
@@ -152,7 +152,7 @@ contains
         m(3, 3) = 2*(d + 2*p(4)*x(4))
     end subroutine set_rotation_rate
 
-    !> n' B(p, a) = K(a, n) p (4), the gradient of n' A(p) a, without the matrix.
+    !> n'B(p, a) = K(a, n) p (4), the gradient of n'A(p) a, without forming the matrix.
     pure function b_row(p, a, n) result(row)
         real(wp), intent(in) :: p(4), a(3), n(3)
         real(wp) :: row(4), along, cross(3), ea, en
@@ -167,7 +167,7 @@ contains
         row(4) = 2*(p(1)*cross(3) - p(4)*along + n(3)*ea + a(3)*en)
     end function b_row
 
-    !> G(p) x (3), without the matrix.
+    !> G(p) x (3), without forming the matrix.
     pure function g_product(p, x) result(y)
         real(wp), intent(in) :: p(4), x(4)
         real(wp) :: y(3)
@@ -177,7 +177,7 @@ contains
         y(3) = -p(4)*x(1) + p(3)*x(2) - p(2)*x(3) + p(1)*x(4)
     end function g_product
 
-    !> G(p)' a (4), without the matrix.
+    !> G(p)'a (4), without forming the matrix.
     pure function g_transposed_product(p, a) result(y)
         real(wp), intent(in) :: p(4), a(3)
         real(wp) :: y(4)
@@ -188,7 +188,7 @@ contains
         y(4) = -p(3)*a(1) + p(2)*a(2) + p(1)*a(3)
     end function g_transposed_product
 
-    !> E(p) x (3), without the matrix; the angular velocity in the world's frame is 2 E pd.
+    !> E(p) x (3), without forming the matrix; the angular velocity in the world frame is 2 E pd.
     pure function e_product(p, x) result(y)
         real(wp), intent(in) :: p(4), x(4)
         real(wp) :: y(3)
@@ -198,7 +198,7 @@ contains
         y(3) = -p(4)*x(1) - p(3)*x(2) + p(2)*x(3) + p(1)*x(4)
     end function e_product
 
-    !> E(p)' a (4), without the matrix.
+    !> E(p)'a (4), without forming the matrix.
     pure function e_transposed_product(p, a) result(y)
         real(wp), intent(in) :: p(4), a(3)
         real(wp) :: y(4)
@@ -235,13 +235,12 @@ contains
         end do
     end function g_sandwich
 
-    !> 4 G(p)' diag(j) G(p), the mass matrix of a body that rotates, (4, 4), columns n apart.
+    !> 4 G(p)' diag(j) G(p), the mass matrix of a rotating body (4, 4), stored with leading dimension n.
     pure subroutine set_rotational_mass(p, j, n, mass)
         real(wp), intent(in) :: p(4)
         !> Principal moments of inertia.
         real(wp), intent(in) :: j(3)
-        !> Number of rows of the matrix that contains the block: the block is set in place, and with `mass(4, 4)` of M as the
-        !> argument it begins there.
+        !> Leading dimension of the matrix that contains the block. To set a block of M, pass its first entry as `mass`.
         integer, intent(in) :: n
         real(wp), intent(inout) :: mass(3*n + 4)
         real(wp) :: e0, e1, e2, e3, x, y, z
@@ -272,12 +271,12 @@ contains
         mass(3*n + 3) = mass(2*n + 4)
     end subroutine set_rotational_mass
 
-    !> B(p, a) x (3), without the matrix: twice the bilinear form of A(p) a in p and x.
+    !> B(p, a) x (3), without forming the matrix: twice the bilinear form of A(p) a in p and x.
     pure function b_product(p, a, x) result(y)
         real(wp), intent(in) :: p(4), a(3), x(4)
         real(wp) :: y(3), d, pa, xa
 
-        ! A(p) a = (e0^2 - e'e) a + 2 e (e'a) + 2 e0 e x a, polarised in p and x.
+        ! A(p) a = (e0^2 - e'e) a + 2 e (e'a) + 2 e0 e x a, as a bilinear form in p and x.
         d = p(1)*x(1) - p(2)*x(2) - p(3)*x(3) - p(4)*x(4)
         pa = p(2)*a(1) + p(3)*a(2) + p(4)*a(3)
         xa = x(2)*a(1) + x(3)*a(2) + x(4)*a(3)

@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Advice for the user of a failed run, chosen by the cause and the possible changes (a mechanism has no procedures).
+!> Advice to the user after a failed run, which depends on the cause and on the changes that are possible; a mechanism, for
+!> instance, has no procedures of the user.
 module tandem_simulate_advice
     use tandem_model, only: model_type
     use tandem_options, only: options_type
@@ -13,8 +14,8 @@ module tandem_simulate_advice
     public :: advice_on_failure, advice_on_limit, advice_length
     public :: anywhere, before_steps, in_first_step, in_step, at_smallest_step
 
-    !> Circumstances of a failure: between steps, at the start of the run, in its first step, in a step, or in one of the smallest
-    !> size.
+    !> Circumstances of a failure: anywhere between steps, before the first step, in the first step, in a later step, in a step of
+    !> the smallest size.
     integer, parameter :: anywhere = 0, before_steps = 1, in_first_step = 2, in_step = 3, at_smallest_step = 4
 
     !> Texts have a fixed length, since a deferred one would be static memory (see `tandem_status`).
@@ -26,7 +27,7 @@ module tandem_simulate_advice
 
 contains
 
-    !> The remedy for a failure with a status.
+    !> Advice for a failure with a given status.
     pure function advice_on_failure(stat, circumstance, model, options, method, names_row) result(advice)
         integer, intent(in) :: stat
         !> `anywhere`, `before_steps`, `in_first_step`, `in_step` or `at_smallest_step`.
@@ -34,7 +35,7 @@ contains
         class(model_type), intent(in) :: model
         type(options_type), intent(in) :: options
         type(properties_type), intent(in) :: method
-        !> The message names a constraint row.
+        !> True if the message names a constraint row.
         logical, intent(in) :: names_row
         character(len=advice_length) :: advice
         type(status_type) :: row
@@ -43,9 +44,9 @@ contains
         case (status_rank_deficient)
             advice = on_rank_loss(circumstance, names_row)
         case (status_position_diverged, status_chart_left)
-            advice = on_lost_position(circumstance, model, options, method)
+            advice = on_position_failure(circumstance, model, options, method)
         case (status_not_evaluable, status_not_finite)
-            advice = on_lost_value(circumstance, model, options, method)
+            advice = on_undefined_value(circumstance, model, options, method)
         case (status_newton_failed)
             advice = 'take a smaller step'
             if (circumstance == at_smallest_step) advice = 'look for a singularity or a jump of a force there'
@@ -56,9 +57,9 @@ contains
         end select
     end function advice_on_failure
 
-    !> The remedy for a run that has reached a limit on its steps or its work.
+    !> Advice for a run that has reached a limit on its steps or its work.
     pure function advice_on_limit(option, options, is_stiff) result(advice)
-        !> Name of the limit.
+        !> Name of the option that sets the limit.
         character(len=*), intent(in) :: option
         type(options_type), intent(in) :: options
         !> True if stability limits the steps of an explicit method.
@@ -86,7 +87,7 @@ contains
         end if
     end function on_rank_loss
 
-    pure function on_lost_position(circumstance, model, options, method) result(advice)
+    pure function on_position_failure(circumstance, model, options, method) result(advice)
         integer, intent(in) :: circumstance
         class(model_type), intent(in) :: model
         type(options_type), intent(in) :: options
@@ -106,9 +107,9 @@ contains
                 ') if the model is stiff'
             if (circumstance == in_first_step) advice = trim(advice)//'; if no step size helps, check whether '//jam
         end select
-    end function on_lost_position
+    end function on_position_failure
 
-    pure function on_lost_value(circumstance, model, options, method) result(advice)
+    pure function on_undefined_value(circumstance, model, options, method) result(advice)
         integer, intent(in) :: circumstance
         class(model_type), intent(in) :: model
         type(options_type), intent(in) :: options
@@ -126,5 +127,5 @@ contains
             advice = 'take a smaller step, or choose an implicit stepper ('//implicit_advice// &
                 ') if the model is stiff; if the failure persists, '//trim(advice)
         end if
-    end function on_lost_value
+    end function on_undefined_value
 end module tandem_simulate_advice

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Queries of a run: multipliers and energies at any queried state, and the cost of the whole run.
+!> Queries of a run: multipliers and energies at any state, and statistics of the whole run.
 submodule(tandem_simulation) tandem_simulate_answers
     use tandem_model_timer, only: of_kinetic_energy, of_potential_energy
     implicit none (type, external)
@@ -32,7 +32,7 @@ contains
 
     module procedure statistics
         statistics_ = self%tally
-        ! After an implicit stepper has taken over, stiffness is not reported.
+        ! Stiffness is not reported once an implicit stepper has taken over.
         statistics_%is_stiff = self%auto%stiffness%is_stiff .and. self%auto%switching%switches == 0
         statistics_%stiff_from = self%auto%stiffness%since
         statistics_%stiff_steps = self%auto%stiffness%steps
@@ -42,19 +42,19 @@ contains
         statistics_%switches = self%auto%switching%switches
         statistics_%implicit_steps = self%auto%switching%count_implicit(self%tally%steps)
         if (associated(self%model)) statistics_%has_ready_made_model = self%model%is_ready_made
-        if (associated(self%model) .and. .not. self%auto%switching%is_on) call weigh_implicit(self, statistics_)
+        if (associated(self%model) .and. .not. self%auto%switching%is_on) call estimate_implicit_cost(self, statistics_)
         if (allocated(self%chart)) statistics_%counts_type = self%chart%counts
         associate (local => self%local_error)
             if (local%steps == 0) return
             statistics_%local_error = local%largest
             statistics_%local_error_steps = local%steps
-            ! Steps outside full windows count like the others.
+            ! Extrapolate the sum to steps outside of complete windows.
             statistics_%local_error_sum = local%total*real(self%tally%steps, wp)/real(local%steps, wp)
         end associate
     end procedure statistics
 
-    !> Estimate the cost with an implicit stepper, and decide whether it is worth advice: estimates are right to a factor of two.
-    subroutine weigh_implicit(self, statistics_)
+    !> Estimate the cost with an implicit stepper, and decide whether to advise its use. Estimates are accurate to a factor of two.
+    subroutine estimate_implicit_cost(self, statistics_)
         class(simulation_type), intent(in) :: self
         type(statistics_type), intent(inout) :: statistics_
         real(wp), parameter :: worth = 0.5_wp
@@ -64,5 +64,5 @@ contains
                 merge(0, model%n, model%provides_derivatives == need_all_derivatives))
             if (s%implicit_part > 0.0_wp .and. s%implicit_part < worth) s%advised = implicit_advice
         end associate
-    end subroutine weigh_implicit
+    end subroutine estimate_implicit_cost
 end submodule tandem_simulate_answers

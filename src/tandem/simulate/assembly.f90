@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Reliable starts: the consistent state nearest to a given one, some of it fixed or weighted, in bounded work; the displacement of
-!> each coordinate, and the constraint at fault if there is no such state, or none near enough.
+!> Assembly of reliable starts: finds the consistent state nearest to a given one, with fixed and weighted entries, in bounded work.
+!> Reports the displacement of each coordinate or, if there is no consistent state close enough, the constraint that causes the
+!> failure.
 module tandem_simulate_assembly
     use tandem_error, only: error_type, set_error, to_text
     use tandem_kinds, only: wp
@@ -19,39 +20,38 @@ module tandem_simulate_assembly
 
     public :: assembly_type, assemble, velocity_metrics
 
-    !> The metrics of `assembly_type%velocity_metric`.
+    !> Values of `assembly_type%velocity_metric`.
     character(len=8), parameter :: velocity_metrics(2) = [character(len=8) :: 'mass', 'weights']
 
-    !> Request and result of an assembly.
+    !> Options and results of an assembly.
     type :: assembly_type
-        !> Weights > 0 of the coordinates and of the velocities (n) in the squared distance; default 1/coordinate_scale**2.
+        !> Positive weights of the coordinates and velocities (n) in the squared distance; default 1/coordinate_scale**2.
         real(wp), allocatable :: weight_q(:), weight_qd(:)
-        !> True for the coordinates and the velocities that keep their values (n); default none.
+        !> True for coordinates and velocities that keep their values (n); none by default.
         logical, allocatable :: fixed_q(:), fixed_qd(:)
-        !> Metric of the nearest velocity: `mass`, with the weights for directions without mass, or `weights` alone.
+        !> Metric in which the velocity is nearest: `mass`, where the weights apply to directions without mass, or `weights`.
         character(len=8) :: velocity_metric = 'mass'
-        !> Limits of the moves of coordinates and velocities, in units of coordinate_scale (and per unit of time); 0 for no limit.
+        !> Largest changes of a coordinate and of a velocity, in units of coordinate_scale (and per unit of time); 0 for no limit.
         real(wp) :: largest_move_q = 1.0_wp, largest_move_qd = 0.0_wp
-        !> Largest constraint error of a consistent state, on the natural scale of each row.
+        !> Largest residual of a satisfied constraint, on its natural scale.
         real(wp) :: tolerance = 1.0e-12_wp
         !> Largest number of trial positions.
         integer :: iteration_limit = 200
-        !> Results are the changes of q and qd (n).
+        !> Resulting changes of q and qd (n).
         real(wp), allocatable :: moved_q(:), moved_qd(:)
-        !> The row of C that moved q most and the one that moved qd most in the norms of the weights, 0 if nothing moved.
+        !> Rows of C with the largest contributions to the changes of q and qd, in units of coordinate_scale; 0 if nothing changed.
         integer :: row_q = 0, row_qd = 0
-        !> Number of trial positions. True if q is known to be the nearest of the consistent positions around it.
+        !> Number of trial positions; true if q is known to be a local minimum of the distance.
         integer :: iterations = 0
         logical :: is_nearest = .false.
-        !> Evaluations of the model's terms.
+        !> Counters of the evaluations of the model's terms.
         type(counts_type) :: counts
     end type assembly_type
 
 contains
 
-    !> Move (q, qd) to the nearest consistent state at t, in the segment of the model that begins or continues there. Errors:
-    !> invalid_model, invalid_option, inconsistent_start, callback_failed, not_evaluable, not_finite; with each of them q and qd are
-    !> unchanged.
+    !> Move (q, qd) to the nearest consistent state at t, in the segment of the model that contains or begins at t. Errors:
+    !> invalid_model, invalid_option, inconsistent_start, callback_failed, not_evaluable, not_finite; q and qd are then unchanged.
     subroutine assemble(model, request, t, q, qd, error)
         class(model_type), intent(inout), target :: model
         type(assembly_type), intent(inout) :: request
@@ -64,8 +64,8 @@ contains
         type(nearest_velocity_type) :: velocity
         logical :: fixed_q(size(q)), fixed_qd(size(q))
         real(wp) :: scale(size(q)), move(size(q)), new_q(size(q)), new_qd(size(q))
-        real(wp), allocatable :: pull(:, :)
-        logical :: knows_move
+        real(wp), allocatable :: contribution(:, :)
+        logical :: move_is_known
         integer :: stat
 
         call check_model(model, error)
@@ -90,24 +90,25 @@ contains
         request%iterations = 0
         call position%initialize(model%n_holonomic, fixed_q, weights(request%weight_q, scale), scale, request%tolerance, &
             request%iteration_limit)
-        call follow_motions(model, request, evaluator, position, t, new_q, move, pull, knows_move)
+        call approach_imposed_angles(model, request, evaluator, position, t, new_q, move, contribution, move_is_known)
         call position%find(evaluator, t, new_q, request%counts, stat)
         request%iterations = request%iterations + position%trials
-        if (.not. knows_move) then
+        if (.not. move_is_known) then
             move = new_q - q
-            pull = position%pull
+            contribution = position%contribution
         end if
         request%is_nearest = position%is_nearest
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no consistent position near the start: constraint "'// &
                 model%row_name(position%failed_row)//'" remains violated by '// &
-                trim(off_by(position%failed_amount, position%failed_value))//' after '//to_text(position%trials)//' iterations'// &
-                trim(while_fixed(model, fixed_q)), trim(advice_for(fixed_q, 'coordinates', 'position')))
+                trim(residual_text(position%failed_amount, position%failed_value))//' after '// &
+                to_text(position%trials)//' iterations'// &
+                trim(fixed_text(model, fixed_q)), trim(advice_for(fixed_q, 'coordinates', 'position')))
         else if (stat /= status_ok) then
             call fail(evaluator, stat, 'while the position was assembled', error)
         else
-            request%row_q = strongest(position%pull, scale)
-            call check_move(model, pull, move/scale, request%largest_move_q, '', error)
+            request%row_q = dominant_row(position%contribution, scale)
+            call check_move(model, contribution, move/scale, request%largest_move_q, '', error)
         end if
         if (allocated(error)) return
 
@@ -117,13 +118,13 @@ contains
         call velocity%find(evaluator, t, new_q, new_qd, request%counts, stat)
         if (stat == status_inconsistent_start) then
             call set_error(error, stat, 'no velocity satisfies all constraints: "'//model%row_name(velocity%failed_row)// &
-                '" remains violated by '//trim(off_by(velocity%failed_amount, velocity%failed_value))// &
-                trim(while_fixed(model, fixed_qd)), trim(advice_for(fixed_qd, 'velocities', 'velocity')))
+                '" remains violated by '//trim(residual_text(velocity%failed_amount, velocity%failed_value))// &
+                trim(fixed_text(model, fixed_qd)), trim(advice_for(fixed_qd, 'velocities', 'velocity')))
         else if (stat /= status_ok) then
             call fail(evaluator, stat, 'while the velocity was assembled', error)
         else
-            request%row_qd = strongest(velocity%pull, scale)
-            call check_move(model, velocity%pull, (new_qd - qd)*(model%time_scale/scale), request%largest_move_qd, &
+            request%row_qd = dominant_row(velocity%contribution, scale)
+            call check_move(model, velocity%contribution, (new_qd - qd)*(model%time_scale/scale), request%largest_move_qd, &
                 'velocity of ', error)
         end if
         if (allocated(error)) return
@@ -134,10 +135,10 @@ contains
         qd = new_qd
     end subroutine assemble
 
-    !> Find the distance of the start from the rows that impose no motion. If an imposed angle is far from the start, approach it in
-    !> small steps: a Newton step of a large rotation could turn bodies over, onto another branch of the rows of their joints. Along
-    !> the way Phi of these rows falls evenly from its value at the start to 0. If the way is blocked, q is unchanged.
-    subroutine follow_motions(model, request, evaluator, position, t, q, move, pull, knows_move)
+    !> Find the displacement of q that constraints without imposed motions require. If an imposed angle is far from its value at the
+    !> start, approach it in small steps, in which Phi of the imposed rows decreases uniformly to 0. A single large Newton step
+    !> could lead to another branch of the joints. If the steps fail, q is unchanged.
+    subroutine approach_imposed_angles(model, request, evaluator, position, t, q, move, contribution, move_is_known)
         class(model_type), intent(in) :: model
         type(assembly_type), intent(inout) :: request
         type(evaluator_type), intent(inout) :: evaluator
@@ -145,12 +146,12 @@ contains
         !> Time, coordinates (n).
         real(wp), intent(in) :: t
         real(wp), intent(inout), contiguous :: q(:)
-        !> Move of q required by the other rows, to which the limit applies (n), the part of each row in the move of each coordinate
-        !> (nh, n); true if both were found.
+        !> Displacement of q that the other rows require, to which the limit applies (n); contribution of each row to the
+        !> displacement of each coordinate (nh, n); true if both were found.
         real(wp), intent(out) :: move(:)
-        real(wp), allocatable, intent(out) :: pull(:, :)
-        logical, intent(out) :: knows_move
-        !> The largest step of an angle (rad), and the largest number of steps.
+        real(wp), allocatable, intent(out) :: contribution(:, :)
+        logical, intent(out) :: move_is_known
+        !> Largest step of an angle (rad); largest number of steps.
         real(wp), parameter :: largest = 0.4_wp
         integer, parameter :: most = 1000
         real(wp) :: start(size(q)), phi(model%n_holonomic), rest
@@ -158,7 +159,7 @@ contains
         integer :: i, n, stat
 
         move = 0.0_wp
-        knows_move = .false.
+        move_is_known = .false.
         call model%list_imposed(is_imposed, is_angle)
         if (.not. any(is_imposed)) return
         call evaluator%evaluate(need_phi, t, q, q, request%counts, stat)
@@ -177,14 +178,14 @@ contains
             if (stat /= status_ok) exit
             if (i == 0) then
                 move = q - start
-                pull = position%pull
-                knows_move = .true.
+                contribution = position%contribution
+                move_is_known = .true.
             end if
             if (n == 1) exit
         end do
         if (n == 1 .or. stat /= status_ok) q = start
         position%goal = 0.0_wp
-    end subroutine follow_motions
+    end subroutine approach_imposed_angles
 
     !> Refuse invalid requests.
     subroutine check_request(model, request, t, q, qd, error)
@@ -214,7 +215,7 @@ contains
 
     contains
 
-        !> Check n weights, which must be positive with square roots that can be divisors.
+        !> Check n weights: positive, with square roots that are valid divisors.
         subroutine check_weights(name, values)
             character(len=*), intent(in) :: name
             real(wp), allocatable, intent(in) :: values(:)
@@ -251,7 +252,7 @@ contains
         end subroutine refuse
     end subroutine check_request
 
-    !> The requested weights, or those of scaled coordinates.
+    !> Given weights, or default weights.
     pure function weights(given, scale) result(weight)
         real(wp), allocatable, intent(in) :: given(:)
         real(wp), intent(in) :: scale(:)
@@ -261,21 +262,21 @@ contains
         if (allocated(given)) weight = given
     end function weights
 
-    !> Refuse a coordinate that moved too far, and name the row with the largest part in the move.
-    subroutine check_move(model, pull, move, limit, what, error)
+    !> Refuse an excessive displacement of a coordinate, and name the row with the largest contribution.
+    subroutine check_move(model, contribution, move, limit, what, error)
         class(model_type), intent(in) :: model
-        !> Part of each row in the move of each coordinate; the moves in units of the scales; their limit.
-        real(wp), intent(in) :: pull(:, :), move(:), limit
-        !> Text before the coordinate's name.
+        !> Contribution of each row to the displacement of each coordinate; displacements in units of the scales; their limit.
+        real(wp), intent(in) :: contribution(:, :), move(:), limit
+        !> Text before the name of the coordinate.
         character(len=*), intent(in) :: what
         type(error_type), allocatable, intent(out) :: error
         character(len=13) :: unit
         integer :: i, j
 
-        if (.not. limit > 0.0_wp .or. size(pull, 1) == 0) return
+        if (.not. limit > 0.0_wp .or. size(contribution, 1) == 0) return
         j = maxloc(abs(move), dim=1)
         if (abs(move(j)) <= limit) return
-        i = maxloc(pull(:, j)*sign(1.0_wp, move(j)), dim=1)
+        i = maxloc(contribution(:, j)*sign(1.0_wp, move(j)), dim=1)
         unit = ''
         if (allocated(model%coordinate_scale)) unit = ' of its scale'
         call set_error(error, status_inconsistent_start, 'the '//what//'coordinate "'//model%coordinate_label(j)// &
@@ -284,24 +285,24 @@ contains
             'start nearer to the constraints, or allow a larger change')
     end subroutine check_move
 
-    !> The row that moved the coordinates most, 0 if none did.
-    pure integer function strongest(pull, scale)
-        real(wp), intent(in) :: pull(:, :), scale(:)
-        real(wp) :: size_of(size(pull, 1))
+    !> Row with the largest contribution to the displacements; 0 if nothing moved.
+    pure integer function dominant_row(contribution, scale)
+        real(wp), intent(in) :: contribution(:, :), scale(:)
+        real(wp) :: size_of(size(contribution, 1))
         integer :: i
 
-        strongest = 0
-        if (size(pull, 1) == 0) return
-        size_of = [(norm2(pull(i, :)/scale), i=1, size(pull, 1))]
-        if (maxval(size_of) > 0.0_wp) strongest = maxloc(size_of, dim=1)
-    end function strongest
+        dominant_row = 0
+        if (size(contribution, 1) == 0) return
+        size_of = [(norm2(contribution(i, :)/scale), i=1, size(contribution, 1))]
+        if (maxval(size_of) > 0.0_wp) dominant_row = maxloc(size_of, dim=1)
+    end function dominant_row
 
-    !> Text of a violation, padded with blanks.
-    pure function off_by(amount, value) result(text)
-        !> Residual of the row, also on its natural scale.
+    !> Text about the residual of a row, padded with blanks.
+    pure function residual_text(amount, value) result(text)
+        !> Residual of the row, and the residual on its natural scale.
         real(wp), intent(in) :: amount, value
         character(len=80) :: text
-        !> Above this the natural scale has vanished, and with it all coefficients of the row.
+        !> Limit above which the natural scale, and with it all coefficients of the row, has vanished.
         real(wp), parameter :: vanished = 1.0e3_wp
 
         if (value < vanished) then
@@ -309,10 +310,10 @@ contains
         else
             text = to_text(amount)//' (and no motion changes it there)'
         end if
-    end function off_by
+    end function residual_text
 
-    !> Text naming the fixed coordinates, padded with blanks.
-    function while_fixed(model, is_fixed) result(text)
+    !> Text that lists fixed coordinates, padded with blanks.
+    function fixed_text(model, is_fixed) result(text)
         class(model_type), intent(in) :: model
         logical, intent(in) :: is_fixed(:)
         character(len=13 + (label_length + 2)*size(is_fixed)) :: text
@@ -324,12 +325,12 @@ contains
             text = trim(text)//', '//model%coordinate_label(j)
         end do
         if (text /= '') text = ', with fixed '//trim(text(3:))
-    end function while_fixed
+    end function fixed_text
 
-    !> Advice for a start without a consistent state near it, padded with blanks.
+    !> Advice if there is no consistent state near the start, padded with blanks.
     pure function advice_for(is_fixed, things, start) result(text)
         logical, intent(in) :: is_fixed(:)
-        !> Names of the quantities that may be fixed, and of the given ones.
+        !> Names of the quantities that may be fixed, and of the given start.
         character(len=*), intent(in) :: things, start
         character(len=160) :: text
 
@@ -337,7 +338,7 @@ contains
         if (any(is_fixed)) text = 'the fixed '//things//' may exclude a solution: free some of them; or '//trim(text)
     end function advice_for
 
-    !> An error of the model's procedures.
+    !> Error of the model's procedures.
     subroutine fail(evaluator, stat, when, error)
         type(evaluator_type), intent(in) :: evaluator
         integer, intent(in) :: stat

@@ -1,20 +1,20 @@
 ! SPDX-License-Identifier: MIT
-!> Motion between the ends of steps: dense output, and its error control if states there are requested. Dense output does not affect
-!> the integration: the original state is restored.
+!> Motion between the ends of steps: dense output, and control of its error if output between steps is requested. Dense output does
+!> not affect the integration, because the original state is restored.
 submodule(tandem_simulation) tandem_simulate_between
     use tandem_simulate_warning, only: dense_limit
     implicit none (type, external)
 
-    !> Error of the slope of an interpolant, times the step, over its largest error: 7 to 10 for the methods here, by their
-    !> polynomials.
-    real(wp), parameter :: miss_of_error = 7.0_wp
-    !> The error of q that results from an error of qd, over the step times it; the largest is that of Hermite's polynomial.
+    !> Ratio of the error of the interpolant's slope, times the step size, to the error of the interpolant: 7 to 10 for the
+    !> polynomials of the methods here.
+    real(wp), parameter :: slope_error_ratio = 7.0_wp
+    !> Ratio of the resulting error of q to an error of qd times the step size; the largest value is that of Hermite's polynomial.
     real(wp), parameter :: q_by_qd = 0.25_wp
 
 contains
 
     module procedure judge_between
-        !> Steps of fewer spacings of the time than this show rounding.
+        !> Smallest step, in spacings of the time, that is not dominated by rounding errors.
         real(wp), parameter :: shortest = 1.0e4_wp
         real(wp) :: h, norm
         integer :: order, stat
@@ -26,7 +26,7 @@ contains
             return
         end if
         call measure(self, norm, stat)
-        ! A request there reports the failure of its evaluation.
+        ! Output at this time will report the failure of its evaluation.
         if (stat /= status_ok .or. .not. norm <= huge(1.0_wp)) return
         order = self%method%estimate_order
         if (self%method%varies) order = self%stepper%order_of_estimate()
@@ -39,14 +39,14 @@ contains
         self%attempts%hindrance = status_ok
     end procedure judge_between
 
-    !> The error within the last step relative to its limit: at the method's position, and unless it is far below the limit also
-    !> near the end, where errors are largest in steps into a bend of the motion.
+    !> Error within the last step relative to its limit: at the position that the method specifies and, unless the error there is
+    !> far below the limit, also near the end, where errors are largest in steps towards a sharp bend of the motion.
     subroutine measure(self, norm, stat)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(out) :: norm
         integer, intent(out) :: stat
-        !> The error at such a position may be this part of the largest.
-        real(wp), parameter :: share = 0.5_wp
+        !> Smallest ratio of the error at the second position to the largest error in the step.
+        real(wp), parameter :: least_share = 0.5_wp
         real(wp), parameter :: near_end = 0.9_wp, far_below = 0.1_wp
         real(wp) :: second
 
@@ -57,29 +57,29 @@ contains
 
     contains
 
-        !> The error at a position, 0 at the start of the step, 1 at its end. The chart is unchanged. The error is undefined if
-        !> the position is not evaluable.
-        subroutine measure_at(place, norm)
-            real(wp), intent(in) :: place
+        !> Error at a position in the step, 0 at its start and 1 at its end. The chart is unchanged. The error is undefined if the
+        !> position cannot be evaluated.
+        subroutine measure_at(position, norm)
+            real(wp), intent(in) :: position
             real(wp), intent(out) :: norm
             integer :: i
 
             norm = 0.0_wp
             associate (output => self%between%output, control => self%control, from => self%start%t)
-                if (.not. allocated(output%probe%q)) call output%probe%allocate(self%model%n)
+                if (.not. allocated(output%measured_state%q)) call output%measured_state%allocate(self%model%n)
                 call self%chart%get_memory(output%memory)
-                output%probe%t = from + place*(self%state%t - from)
-                call go_to(self%stepper, self%chart, self%start, self%state, output%probe, output%slope, stat)
+                output%measured_state%t = from + position*(self%state%t - from)
+                call go_to(self%stepper, self%chart, self%start, self%state, output%measured_state, output%slope, stat)
                 if (stat == status_ok) then
                     call find_errors(self%state%t - from, self%method%implicit, self%model%n_constraints() > 0, self%chart, &
-                        self%local_error, output%probe, output%slope, output%filtered)
+                        self%local_error, output%measured_state, output%slope, output%filtered)
                     do i = 1, self%model%n
                         norm = max(norm, output%slope(i, 1)*control%weight_q(i), output%slope(i, 2)*control%weight_qd(i))
                     end do
                 end if
                 call self%chart%set_memory(output%memory)
             end associate
-            norm = norm/(share*dense_limit)
+            norm = norm/(least_share*dense_limit)
         end subroutine measure_at
     end subroutine measure
 
@@ -92,7 +92,7 @@ contains
         call self%part_end()
         associate (output => self%between%output, state => self%state)
             if (.not. output%is_looking) then
-                call output%keep(state, self%errors)
+                call output%save_state(state, self%errors)
                 output%kept_segment = self%model%segment
                 if (output%has_step) call self%chart%get_memory(output%memory)
                 output%is_looking = .true.
@@ -128,14 +128,14 @@ contains
         if (.not. (self%is_ready .and. self%between%output%is_looking)) return
         associate (output => self%between%output)
             output%is_looking = .false.
-            call output%give_back(self%state, self%errors)
+            call output%restore_state(self%state, self%errors)
             if (.not. output%has_step) return
             call enter_segment(self, output%kept_segment)
             call self%chart%set_memory(output%memory)
         end associate
     end procedure look_back
 
-    !> Set the segment of the model.
+    !> Set the current segment of the model.
     subroutine enter_segment(self, segment)
         class(simulation_type), intent(inout) :: self
         integer, intent(in) :: segment
@@ -145,11 +145,11 @@ contains
         call self%chart%forget(.false.)
     end subroutine enter_segment
 
-    !> Set `state` for its time within a step, on all three constraint levels, and the slope of the interpolant.
+    !> Set `state` at its time within the step, on all three constraint levels, and the slope of the interpolant there.
     subroutine go_to(stepper, chart, start, arrived, state, slope, stat)
         class(stepper_type), intent(inout) :: stepper
         class(chart_type), intent(inout) :: chart
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
         type(state_type), intent(inout) :: state
         !> Slopes of q and qd (n, 2).
@@ -165,11 +165,12 @@ contains
         if (stat == status_ok) call chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
     end subroutine go_to
 
-    !> The point and the velocity of interpolated increments. Increments are the motion itself except for the part that the
-    !> constraints have removed since the chart's origin, at both ends of the step; between them that part is interpolated linearly.
-    !> So the curve meets the states at both ends, and deviates from the manifold by no more than the error of the interpolant.
+    !> Set the point and the velocity for interpolated increments. Increments equal the motion except for the displacement by which
+    !> the constraints have corrected it since the chart's origin. This displacement is known at both ends of the step and is
+    !> interpolated linearly. The resulting curve passes through the states at both ends, and its distance from the manifold is no
+    !> larger than the error of the interpolant.
     pure subroutine follow_states(a, b, state, slope)
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: a, b
         type(state_type), intent(inout) :: state
         real(wp), intent(inout) :: slope(:, :)
@@ -188,30 +189,30 @@ contains
         end do
     end subroutine follow_states
 
-    !> Turn the slope of the interpolant at a state into moduli of errors: residuals of the dense output in the equations of motion.
-    !> Interpolants agree with the motion at both ends; so their errors are a part of the step times the difference between the
-    !> slope and the rates at the state. Needs no evaluation of the model.
+    !> Replace slopes of the interpolant at a state by estimates of the absolute errors of the interpolant. Interpolants are exact
+    !> at both ends, so their error is a fraction of the step size times the difference between the slope and the rates at the
+    !> state. No evaluation of the model is required.
     subroutine find_errors(h, is_implicit, is_bound, chart, scales, state, error, filtered)
         !> Size of the step.
         real(wp), intent(in) :: h
-        !> True if the method is implicit; true if there are constraints.
+        !> True for an implicit method; true if there are constraints.
         logical, intent(in) :: is_implicit, is_bound
         class(chart_type), intent(inout) :: chart
         type(local_error_type), intent(in) :: scales
         type(state_type), intent(in) :: state
-        !> Slopes of q and qd, then their errors (n, 2).
+        !> Slopes of q and qd on entry, errors on return (n, 2).
         real(wp), intent(inout), contiguous :: error(:, :)
-        !> Errors after the filter of implicit methods (n, 2).
+        !> Errors filtered as by implicit methods (n, 2).
         real(wp), allocatable, intent(inout) :: filtered(:, :)
         real(wp) :: part
         integer :: i
 
-        part = h/miss_of_error
+        part = h/slope_error_ratio
         error(:, 1) = part*(error(:, 1) - state%qd)
         error(:, 2) = part*(error(:, 2) - state%qdd)
         call chart%remove_normal(error(:, 1), error(:, 2))
         if (is_implicit) then
-            ! As for local errors: a stiff mode has a rate that is large against its error.
+            ! As for local errors: stiff modes have rates that are large compared with their errors.
             if (.not. allocated(filtered)) allocate (filtered(size(error, 1), 2))
             filtered(:, :) = error
             call filter_error(chart, filtered(:, 1), filtered(:, 2))
@@ -222,6 +223,6 @@ contains
             error(i, 2) = abs(error(i, 2))
             error(i, 1) = abs(error(i, 1)) + q_by_qd*h*error(i, 2)
         end do
-        if (is_bound) call scales%add_turn(state, error(:, 1), error(:, 2))
+        if (is_bound) call scales%add_rotation(state, error(:, 1), error(:, 2))
     end subroutine find_errors
 end submodule tandem_simulate_between

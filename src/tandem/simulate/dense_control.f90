@@ -1,9 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Limits of the step size for the motion between the ends of steps, if states there are requested: error control of dense output.
+!> Step size control for the motion between the ends of steps: controls the error of dense output if states between steps are
+!> requested.
 !>
-!> Its error is proportional to the same power of the step as the error estimate of the step, so that both bound the next step
-!> alike. Steps are measured if it may matter: errors far below the limit leave some steps unmeasured. An error that shorter tries
-!> do not reduce, as behind an unannounced kink, or of rounding, is accepted.
+!> The error of dense output is proportional to the same power of the step size as the error estimate of the step, so that both
+!> limit the next step in the same way. The error is measured only if it may matter: after errors far below the limit, some steps
+!> are not measured. An error that does not decrease in shorter steps, such as rounding errors or errors near a kink that is not a
+!> breakpoint, is accepted.
 module tandem_simulate_dense_control
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -12,46 +14,48 @@ module tandem_simulate_dense_control
 
     public :: dense_control_type
 
-    !> The target of the next step's error, relative to its limit.
+    !> Target error of the next step, relative to the limit.
     real(wp), parameter :: aim = 0.5_wp
-    !> Below this error, predicted from the last measured step, at most the following number of steps is left unmeasured. Estimates
-    !> below the other bound are raised to it, and predict nothing for steps above it.
+    !> If the error predicted from the last measured step is below the first number, at most `most_skipped` steps are not measured.
+    !> Error estimates below the second number are replaced by it in predictions.
     real(wp), parameter :: small = 1.0e-3_wp, least_estimate = 1.0e-3_wp
     integer, parameter :: most_skipped = 2
-    !> Tries of a step that may fail to reduce the error. A smooth error falls faster than with this power of the step.
-    integer, parameter :: most_in_vain = 2
+    !> Number of attempts without a reduction of the error after which the error is accepted. A smooth error decreases faster than
+    !> with the power `slowest` of the step size.
+    integer, parameter :: most_ineffective = 2
     real(wp), parameter :: slowest = 1.5_wp
 
     type :: dense_control_type
-        !> The longest next step.
+        !> Upper limit of the next step size.
         real(wp) :: longest = huge(1.0_wp)
-        !> The error of the last measured step, and the error estimate of that step itself, below 0 for none; number of steps not
-        !> measured since.
+        !> Error of the last measured step, and error estimate of the step itself, negative if there is none; number of steps since
+        !> then.
         real(wp), private :: norm = 0.0_wp, estimate = -1.0_wp
         integer, private :: skipped = 0
-        !> The last refused try of a step and its error, 0 for none, and the number of tries that did not reduce it.
-        real(wp), private :: refused = 0.0_wp, refused_norm = 0.0_wp
-        integer, private :: in_vain = 0
+        !> Size and error of the last rejected attempt of the current step, 0 if there is none; number of attempts that did not
+        !> reduce the error.
+        real(wp), private :: rejected_size = 0.0_wp, rejected_norm = 0.0_wp
+        integer, private :: ineffective = 0
     contains
         procedure :: begin, begin_step, skip, is_due, judge, pack_state
     end type dense_control_type
 
 contains
 
-    !> Clear the history of steps: another method, another motion, or no more requests between steps.
+    !> Clear the history: another method or motion begins, or no states between steps are requested any more.
     subroutine begin(self)
         class(dense_control_type), intent(out) :: self
     end subroutine begin
 
-    !> Begin the first try of a step.
+    !> Begin the first attempt of a step.
     pure subroutine begin_step(self)
         class(dense_control_type), intent(inout) :: self
 
-        self%refused = 0.0_wp
-        self%in_vain = 0
+        self%rejected_size = 0.0_wp
+        self%ineffective = 0
     end subroutine begin_step
 
-    !> Count a step that is not measured; after some of them the last measurement no longer predicts the next one.
+    !> Count a step that is not measured. After `most_skipped` such steps the last measurement no longer limits the step size.
     pure subroutine skip(self)
         class(dense_control_type), intent(inout) :: self
 
@@ -59,8 +63,8 @@ contains
         if (self%skipped > most_skipped) self%longest = huge(1.0_wp)
     end subroutine skip
 
-    !> True if a step with this error estimate, on the scale of the tolerances, is to be measured. Between steps the error is
-    !> proportional to the estimate, even if the motion changes.
+    !> True if the error in a step with the given error estimate, relative to the tolerances, is to be measured. The ratio of both
+    !> errors is assumed to change little.
     pure logical function is_due(self, estimate)
         class(dense_control_type), intent(in) :: self
         real(wp), intent(in) :: estimate
@@ -70,23 +74,23 @@ contains
         if (.not. is_due) is_due = self%norm*(max(estimate, least_estimate)/max(self%estimate, least_estimate)) > small
     end function is_due
 
-    !> Judge a try by the error between its ends, and choose the longest next step.
-    pure subroutine judge(self, h, norm, estimate, power, is_refused)
+    !> Accept or reject an attempt, given the error between its ends, and set the upper limit of the next step size.
+    pure subroutine judge(self, h, norm, estimate, power, is_rejected)
         class(dense_control_type), intent(inout) :: self
-        !> Its length, its error relative to the limit, the error estimate of the step itself, and the power of the length to which
-        !> both are proportional.
+        !> Size of the step; its error relative to the limit; error estimate of the step itself; power of the step size to which
+        !> both errors are proportional.
         real(wp), intent(in) :: h, norm, estimate, power
-        logical, intent(out) :: is_refused
+        logical, intent(out) :: is_rejected
 
-        is_refused = norm > 1.0_wp
-        if (is_refused) then
-            if (self%refused > 0.0_wp) then
-                if (norm > self%refused_norm*(h/self%refused)**slowest) self%in_vain = self%in_vain + 1
+        is_rejected = norm > 1.0_wp
+        if (is_rejected) then
+            if (self%rejected_size > 0.0_wp) then
+                if (norm > self%rejected_norm*(h/self%rejected_size)**slowest) self%ineffective = self%ineffective + 1
             end if
-            self%refused = h
-            self%refused_norm = norm
-            is_refused = self%in_vain < most_in_vain
-            ! The next try is measured unconditionally.
+            self%rejected_size = h
+            self%rejected_norm = norm
+            is_rejected = self%ineffective < most_ineffective
+            ! Measure the next attempt in any case.
             self%estimate = -1.0_wp
             self%longest = huge(1.0_wp)
             return
@@ -97,15 +101,15 @@ contains
         self%longest = h*(aim/max(norm, tiny(1.0_wp)))**(1.0_wp/power)
     end subroutine judge
 
-    !> The last measurement, and the tries of the step that is made.
+    !> Pack the last measurement and the attempts of the current step.
     subroutine pack_state(self, pack)
         class(dense_control_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%longest)
         call pack%item(self%norm, self%estimate)
-        call pack%item(self%refused, self%refused_norm)
+        call pack%item(self%rejected_size, self%rejected_norm)
         call pack%item(self%skipped)
-        call pack%item(self%in_vain)
+        call pack%item(self%ineffective)
     end subroutine pack_state
 end module tandem_simulate_dense_control

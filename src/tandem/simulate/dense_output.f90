@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Data of dense output, the motion at times within the last step, between the steps' own: the state to which a run returns, and the
-!> interpolant at a requested time. `tandem_simulate_between` evaluates it.
+!> Data of dense output at times within the last step: the state to be restored after a request, and the interpolant at the
+!> requested time. `tandem_simulate_between` evaluates it.
 module tandem_simulate_dense_output
     use tandem_chart, only: chart_memory_type, chart_type
     use tandem_kinds, only: wp
@@ -12,35 +12,35 @@ module tandem_simulate_dense_output
     public :: dense_output_type
 
     type :: dense_output_type
-        !> The segment of the model in which the last step lies.
+        !> Segment of the model that contains the last step.
         integer :: segment = 1
-        !> Largest errors of q and of qd at the requested times, on the scale s + |y|.
+        !> Largest errors of q and of qd at the requested times, relative to scale + |y|.
         real(wp) :: largest_q = 0.0_wp, largest_qd = 0.0_wp
-        !> True if there is a last step; true if the state belongs to a time within it.
+        !> True if there is a last step; true if the current state is a state within it.
         logical :: has_step = .false., is_looking = .false.
-        !> During a request: the original state, its errors and its segment.
+        !> During a request: the state at the end of the step, its errors, and its segment.
         type(state_type) :: kept
         real(wp) :: kept_errors(3) = 0.0_wp
         integer :: kept_segment = 1
-        !> Slopes of the interpolated increments of q and of qd, later the errors computed from them; the errors after the filter of
+        !> Slopes of the interpolated increments of q and qd, later replaced by the errors computed from them; errors filtered as by
         !> implicit methods (n, 2).
         real(wp), allocatable :: slope(:, :), filtered(:, :)
-        !> State at the measured position of a step.
-        type(state_type) :: probe
-        !> The chart's start of the next step, while other points are evaluated.
+        !> State at which the error of a step is measured.
+        type(state_type) :: measured_state
+        !> Saved chart for the next step, while other points are evaluated.
         class(chart_memory_type), allocatable :: memory
     contains
-        procedure :: initialize, note_step, forget_step, stay, keep, give_back, jump, pack_state
+        procedure :: initialize, note_step, forget_step, discard_saved_state, save_state, restore_state, jump, pack_state
     end type dense_output_type
 
 contains
 
-    !> Begin a run; nothing is allocated before the first request.
+    !> Begin a run. Nothing is allocated before the first request.
     subroutine initialize(self)
         class(dense_output_type), intent(out) :: self
     end subroutine initialize
 
-    !> A step was accepted in this segment of the model.
+    !> Record that a step in the given segment of the model was accepted.
     pure subroutine note_step(self, segment)
         class(dense_output_type), intent(inout) :: self
         integer, intent(in) :: segment
@@ -49,43 +49,43 @@ contains
         self%segment = segment
     end subroutine note_step
 
-    !> Invalidate the last step after a failed one: there is no dense output.
+    !> Invalidate the last step after a failed one; there is then no dense output.
     pure subroutine forget_step(self)
         class(dense_output_type), intent(inout) :: self
 
         self%has_step = .false.
     end subroutine forget_step
 
-    !> Continue from the current state instead of the original one.
-    subroutine stay(self, chart)
+    !> Continue from the current state and discard the saved one.
+    subroutine discard_saved_state(self, chart)
         class(dense_output_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
 
         if (self%is_looking) call chart%set_memory(self%memory)
         self%is_looking = .false.
-    end subroutine stay
+    end subroutine discard_saved_state
 
-    !> Store a state, to be restored later.
-    subroutine keep(self, state, errors)
+    !> Save a state and its errors.
+    subroutine save_state(self, state, errors)
         class(dense_output_type), intent(inout) :: self
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: errors(3)
 
         call self%kept%copy(state)
         self%kept_errors = errors
-    end subroutine keep
+    end subroutine save_state
 
-    !> Restore the stored state.
-    subroutine give_back(self, state, errors)
+    !> Restore the saved state and its errors.
+    subroutine restore_state(self, state, errors)
         class(dense_output_type), intent(in) :: self
         type(state_type), intent(inout) :: state
         real(wp), intent(out) :: errors(3)
 
         call state%copy(self%kept)
         errors = self%kept_errors
-    end subroutine give_back
+    end subroutine restore_state
 
-    !> Difference of velocities from the stored ones, max-norm.
+    !> Largest change of velocities since the saved state.
     pure real(wp) function jump(self, qd)
         class(dense_output_type), intent(in) :: self
         real(wp), intent(in) :: qd(:)
@@ -93,7 +93,7 @@ contains
         jump = maxval(abs(qd - self%kept%qd))
     end function jump
 
-    !> Data of the last step besides the states at its ends.
+    !> Pack the data of the last step, except for the states at its ends.
     subroutine pack_state(self, pack)
         class(dense_output_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Events at zeros of a function g(t, q, qd, lambda) of the motion. A program extends `event_type`, or uses `threshold_event_type`,
-!> and adds the event to a simulation by `add_event`.
+!> Events at zeros of a function g(t, q, qd, lambda) along the motion. A program extends `event_type` or uses
+!> `threshold_event_type`, and passes events to a simulation by `add_event`.
 module tandem_simulate_event
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
@@ -12,20 +12,20 @@ module tandem_simulate_event
 
     public :: event_type, event_record_type, threshold_event_type
 
-    !> Largest length of a change of the model.
+    !> Largest length of the text that describes a change of the model.
     integer, parameter :: change_length = 256
 
-    !> A function of the motion and the effect of its zeros.
+    !> A function of the motion, and the effect of its zeros.
     type, abstract :: event_type
-        !> Its name in reports and files.
+        !> Name in reports and files.
         character(len=label_length) :: name = 'event'
-        !> Zeros that count: +1 rising, -1 falling, 0 all, including those without a change of sign.
+        !> Zeros of interest: +1 rising, -1 falling, 0 all, including those without a change of sign.
         integer :: direction = 0
-        !> True if the run ends there.
+        !> True if the run ends at the event.
         logical :: stops = .false.
-        !> True if `act` changes the state or the model, so that the integration must restart there.
+        !> True if `act` changes the state or the model, after which the integration restarts.
         logical :: changes = .false.
-        !> True if g depends on the multipliers, which are then computed for it.
+        !> True if g depends on the multipliers, which are then computed.
         logical :: needs_multipliers = .false.
     contains
         procedure(evaluate_interface), deferred :: evaluate
@@ -33,7 +33,7 @@ module tandem_simulate_event
     end type event_type
 
     abstract interface
-        !> g at a state that satisfies the constraints.
+        !> Evaluate g at a state that satisfies the constraints.
         subroutine evaluate_interface(self, t, q, qd, lambda, value, stat)
             import :: event_type, wp
             implicit none (type, external)
@@ -42,31 +42,31 @@ module tandem_simulate_event
             real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
             !> g, continuous along the motion.
             real(wp), intent(out) :: value
-            !> 0 for success, else the run ends.
+            !> 0 after success; otherwise the run ends.
             integer, intent(out) :: stat
         end subroutine evaluate_interface
     end interface
 
-    !> Record of an event.
+    !> Record of an event that has occurred.
     type :: event_record_type
-        !> Number of the event in the order of `add_event`, and its name.
+        !> Index of the event in the order of `add_event`, and its name.
         integer :: number = 0
         character(len=label_length) :: name = ''
         !> +1 if g rose through zero, -1 if it fell, 0 if it touched zero or was zero at the start of the run.
         integer :: direction = 0
-        !> Time, and the state (n) there, before the action.
+        !> Time and state (n) of the event, before its action.
         real(wp) :: t = 0.0_wp
         real(wp), allocatable :: q(:), qd(:)
     end type event_record_type
 
-    !> One coordinate or velocity, one multiplier, or one measured quantity of the model reaches a value.
+    !> A coordinate, a velocity, a multiplier or a measured quantity of the model reaches a value.
     type, extends(event_type) :: threshold_event_type
-        !> Watched quantity: 'q', 'qd', 'lambda' or 'shown', and its index; for measured quantities the index among all.
+        !> Watched quantity: 'q', 'qd', 'lambda' or 'shown' (measured), and its index.
         character(len=6) :: quantity = 'q'
         integer :: index = 1
-        !> The value; g is the quantity less this.
+        !> The value; g is the quantity minus this value.
         real(wp) :: value = 0.0_wp
-        !> Changes of the model there, executed in order, in the model's syntax; with `changes`.
+        !> Changes of the model at the event, in the model's syntax, in the order of execution; used if `changes` is true.
         character(len=change_length), allocatable :: words(:)
         !> The model, set by `add_event`; work space for its measured quantities.
         class(model_type), pointer :: told_by => null()
@@ -78,20 +78,20 @@ module tandem_simulate_event
 
 contains
 
-    !> Effect of the event if `changes` is true: change qd, or q on the constraints, or the model's parameters. The simulation then
-    !> projects qd onto the velocity constraints, nearest in the mass metric, and restarts. Does nothing unless overridden.
+    !> Action of the event if `changes` is true. It may change qd, q along the constraints, or parameters of the model. The
+    !> simulation then projects qd onto the velocity constraints in the mass metric and restarts. Does nothing by default.
     subroutine act(self, model, t, q, qd, error)
         class(event_type), intent(inout) :: self
-        !> The simulation's model.
+        !> Model of the simulation.
         class(model_type), intent(inout) :: model
         !> Time, coordinates and velocities (n) at the event.
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(:), qd(:)
-        !> Ends the run.
+        !> Ends the run if allocated.
         type(error_type), allocatable, intent(out) :: error
     end subroutine act
 
-    !> The quantity less the value; the status is 1 if the quantity or its index does not exist.
+    !> The quantity minus the value; status 1 if the quantity or its index does not exist.
     subroutine evaluate_threshold(self, t, q, qd, lambda, value, stat)
         class(threshold_event_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
@@ -112,7 +112,7 @@ contains
             if (self%index > size(lambda)) return
             value = lambda(self%index) - self%value
         case ('shown')
-            call look(self, t, q, qd, lambda, value, stat)
+            call measure_quantity(self, t, q, qd, lambda, value, stat)
             value = value - self%value
             return
         case default
@@ -121,8 +121,8 @@ contains
         stat = 0
     end subroutine evaluate_threshold
 
-    !> One of the model's measured quantities.
-    subroutine look(self, t, q, qd, lambda, value, stat)
+    !> Evaluate a measured quantity of the model.
+    subroutine measure_quantity(self, t, q, qd, lambda, value, stat)
         class(threshold_event_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), lambda(:)
         real(wp), intent(out) :: value
@@ -151,9 +151,9 @@ contains
             call move_alloc(model%state%asked, self%asked)
         end associate
         value = self%shown(self%index)
-    end subroutine look
+    end subroutine measure_quantity
 
-    !> Index of the watched quantity among the model's measured ones; 0 for none.
+    !> Index of the watched quantity among the model's measured quantities; 0 if another quantity is watched.
     pure integer function measured_quantity(self)
         class(threshold_event_type), intent(in) :: self
         integer :: i, n
@@ -171,7 +171,7 @@ contains
         end associate
     end function measured_quantity
 
-    !> Change the model.
+    !> Change the model, the action of the event.
     subroutine change_model(self, model, t, q, qd, error)
         class(threshold_event_type), intent(inout) :: self
         class(model_type), intent(inout) :: model
@@ -190,8 +190,8 @@ contains
         end do
     end subroutine change_model
 
-    !> State of the event itself, if its `evaluate` or `act` keeps something between calls: list it by `pack%item`, and a checkpoint
-    !> contains it. Empty unless overridden.
+    !> Pack the state of the event, if `evaluate` or `act` stores data between calls, by `pack%item`, so that checkpoints include
+    !> it. Packs nothing by default.
     subroutine pack_state(self, pack)
         class(event_type), intent(inout) :: self
         !> Writes or reads.

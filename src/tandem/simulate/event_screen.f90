@@ -1,16 +1,16 @@
 ! SPDX-License-Identifier: MIT
-!> Detection of steps in which no event can happen.
+!> Exclusion of steps in which no event can occur.
 !>
-!> Restoring the constraints at the samples of a step costs as much as several of its stages. So every g is evaluated first at
-!> quarters of the step on the polynomial of degree 5 through the coordinates, velocities and accelerations at its ends, which needs
-!> no term of the model. Between two samples a smooth g differs from their chord by an eighth of its second difference; the error of
-!> the polynomial vanishes at both ends, with two derivatives, and so the second differences show it in full. If |g| exceeds twice
-!> the largest of them and a part of the range of its values, it has no zero in the step. Other steps are searched with restored
-!> constraints.
+!> Restoring the constraints at the samples of a step costs as much as several stages. Every g is therefore first evaluated at the
+!> quarters of the step on the quintic polynomial through the coordinates, velocities and accelerations at its ends, which needs no
+!> terms of the model. Between two samples, a smooth g differs from the chord by an eighth of its second difference. The error of
+!> the polynomial vanishes at both ends together with two derivatives, so that second differences reflect all of it. g has no zero
+!> in the step if |g| exceeds twice the largest second difference and a fraction of the range of its values. All other steps are
+!> searched with restored constraints.
 submodule(tandem_simulate_event_watch) tandem_simulate_event_screen
     implicit none (type, external)
 
-    !> The least |g|, over the largest second difference and over the range of the samples.
+    !> Smallest |g| relative to the largest second difference, and relative to the range of the samples.
     real(wp), parameter :: over_bend = 2.0_wp, over_range = 0.1_wp
 
 contains
@@ -21,7 +21,7 @@ contains
         may_happen = .false.
         do i = 1, self%n
             associate (watched => self%watched(i))
-                may_happen = may_happen .or. watched%rests .or. watched%is_sent_back .or. watched%event%needs_multipliers
+                may_happen = may_happen .or. watched%rests .or. watched%is_reversed .or. watched%event%needs_multipliers
             end associate
         end do
         if (may_happen) return
@@ -51,12 +51,12 @@ contains
         end do
     end procedure rule_out
 
-    !> All functions at a quarter of the step.
+    !> Sample all functions at a quarter of the step.
     subroutine sample_near(self, curve, k, may_happen)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(in) :: curve
         integer, intent(in) :: k
-        !> True if one of them is undefined, or has another sign than at the start.
+        !> True if a function is undefined or has another sign than at the start.
         logical, intent(out) :: may_happen
         real(wp) :: t
         integer :: i, stat
@@ -74,10 +74,10 @@ contains
         end associate
     end subroutine sample_near
 
-    !> True if a function with these values of one sign at quarters of the step may have a zero in it.
+    !> True if a function with these values of equal sign at the quarters of the step may have a zero in it.
     pure logical function may_vanish(value, sign_before)
         real(wp), intent(in) :: value(n_rough)
-        !> Its sign before the step, 0 for none.
+        !> Sign of the function before the step, 0 if unknown.
         integer, intent(in) :: sign_before
         real(wp) :: least, bend
 

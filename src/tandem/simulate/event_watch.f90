@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The watched events of a run: their functions are followed from step to step, their zeros located within a step, and their actions
-!> checked. The caller provides the motion within the step as a curve: this module is independent of the integration.
+!> Events of a run: follows their functions from step to step, locates their zeros within steps, and checks their actions. The
+!> caller provides the motion within a step as a curve, so that this module does not depend on the integration.
 module tandem_simulate_event_watch
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     use tandem_error, only: error_type, set_error, to_text
@@ -16,30 +16,31 @@ module tandem_simulate_event_watch
 
     public :: curve_type, event_watch_type
 
-    !> Positions of the samples within the step. Those near the ends separate an extremum at an end from one before or behind it.
+    !> Positions of samples within a step. The samples near the ends tell an extremum at an end from one just before or after it.
     integer, parameter :: n_samples = 7
     real(wp), parameter :: aside = 1.0_wp/256
-    !> Quarters of the step, and its ends.
+    !> Positions of the quarters and ends of a step.
     integer, parameter :: n_rough = 5
-    real(wp), parameter :: place(n_samples) = [0.0_wp, aside, 0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp - aside, 1.0_wp]
-    !> Zeros are located to this part of the step; events closer than twice that are simultaneous.
+    real(wp), parameter :: sample_position(n_samples) = [0.0_wp, aside, 0.25_wp, 0.5_wp, 0.75_wp, 1.0_wp - aside, 1.0_wp]
+    !> Relative position error of a zero within a step. Events closer than twice this distance are simultaneous.
     real(wp), parameter :: resolution = 1.0e-13_wp
-    !> Below this part of the largest |g| in the step a sample is zero.
+    !> A sample is zero below this fraction of the largest |g| in the step.
     real(wp), parameter :: zero = 1.0e-13_wp
-    !> A g that stays below this part of its largest modulus so far may be zero up to rounding, such as the rate of a locked joint.
+    !> A g that remains below this fraction of its largest absolute value so far may be a rounding error, such as the rate of a
+    !> locked joint.
     real(wp), parameter :: faint = 1.0e-9_wp
-    !> Most zeros of one event in a step: a crossing between all samples, and two at every other extremum.
+    !> Largest number of zeros of one event in a step: a crossing between all samples, and two at every second extremum.
     integer, parameter :: most_zeros = 2*n_samples
-    !> Largest number of successive events without an advance of time.
+    !> Largest number of successive events at the same time.
     integer, parameter :: most_at_once = 100
-    !> Rates of g at an event are measured over this part of a step.
+    !> Fraction of a step over which rates of g are measured at an event.
     real(wp), parameter :: part = 1.0e-3_wp
 
-    !> The motion within a step, and its current position.
+    !> Motion within a step, and the current position in it.
     type, abstract :: curve_type
         !> Start and end of the step (s).
         real(wp) :: t_from = 0.0_wp, t_to = 0.0_wp
-        !> The state at the current position.
+        !> State at the current position.
         type(state_type), pointer :: state => null()
     contains
         procedure(go_to_interface), deferred :: go_to
@@ -50,77 +51,79 @@ module tandem_simulate_event_watch
     !> An event and the state of its search.
     type :: watched_type
         class(event_type), pointer :: event => null()
-        !> g at the current state, its last sign before that (0: none yet), and the largest |g| of the last step and of all steps.
+        !> g at the current state; the largest |g| of the last step and of all steps; the last nonzero sign of g before the current
+        !> state, 0 if there is none.
         real(wp) :: value = 0.0_wp, largest = 0.0_wp, peak = 0.0_wp
         integer :: sign_before = 0
-        !> True if a zero at the current state is undecided: at the start of the run, or at the end of the last step.
+        !> True if it is undecided whether a zero at the current state counts: at the start of the run and at the end of the last
+        !> step.
         logical :: is_open = .true.
-        !> True if it has happened at the current state, so that its zero there does not count again; its direction.
+        !> True if the event has occurred at the current state, so that the zero there does not count again; its direction.
         logical :: rests = .false.
         integer :: direction = 0
-        !> While it rests or is faint: a smaller |g| is rounding.
+        !> Rounding error of g, set while `rests` is true or g is small.
         real(wp) :: noise = 0.0_wp
-        !> True if its action is due; true if the last action has reversed g, which must show until the given time; the change of g
-        !> without the action, and g before it.
-        logical :: is_due = .false., is_sent_back = .false.
-        real(wp) :: judged_until = 0.0_wp, reach = 0.0_wp, value_before = 0.0_wp
+        !> True if the action of the event is due. True if the last action has reversed the motion of g, which must be visible
+        !> before the time `check_until`; change of g without the action, and g before the action.
+        logical :: is_due = .false., is_reversed = .false.
+        real(wp) :: check_until = 0.0_wp, expected_change = 0.0_wp, value_before = 0.0_wp
     contains
         procedure :: is_faint
     end type watched_type
 
-    !> Events, and the state of the search for their zeros between steps.
+    !> Events, and the state of the search for their zeros.
     type :: event_watch_type
         !> Number of events.
         integer :: n = 0
-        !> True if an action is due at the current state.
+        !> True if any action is due at the current state.
         logical :: has_to_act = .false.
-        !> Evaluations of their functions so far.
+        !> Number of evaluations of the functions of events.
         integer(long) :: evaluations = 0
-        !> The zeros found by the last search.
+        !> Zeros that the last search has found.
         type(zeros_type) :: found
         type(watched_type), allocatable, private :: watched(:)
-        !> State before the last search.
+        !> State of the events before the last search.
         type(watched_type), allocatable, private :: watched_before(:)
         logical, private :: were_stale = .true.
         !> The model, for the scales of its coordinates.
         class(model_type), pointer, private :: model => null()
         real(wp), allocatable, private :: lambda(:)
-        !> g of each event at the samples of a step, and soon after an event; at quarters of it without restored constraints.
+        !> g of each event at the samples of a step and soon after an event; at the quarters of a step without restored constraints.
         real(wp), allocatable, private :: samples(:, :), rough(:, :)
-        !> Coordinates and velocities (n) for `rough`.
+        !> Coordinates and velocities (n) at which `rough` is evaluated.
         real(wp), allocatable, private :: near_q(:), near_qd(:)
-        !> The quantities of the model that events watch without multipliers, and their values; true if there are any.
+        !> Quantities of the model that events watch and that do not depend on multipliers; their values; true if there are any.
         logical, allocatable, private :: asked(:)
         real(wp), allocatable, private :: shown(:)
         logical, private :: measures = .false.
         logical, private :: lambda_is_current = .false., values_are_stale = .true.
-        !> Number of successive events without an advance of time.
+        !> Number of successive events at the same time.
         integer, private :: n_at_once = 0
     contains
         procedure :: add, name, forget_values, rule_out, search, forget_search, find_cut, pass, settle, renew, prepare_actions, act
-        procedure :: judge_actions, pack_state
+        procedure :: check_actions, pack_state
         procedure, private :: evaluate, evaluate_point, measure_all, end_measuring, measure_noise
     end type event_watch_type
 
     abstract interface
-        !> Set `state` for a position within the step.
+        !> Set `state` at a position in the step.
         subroutine go_to_interface(self, x, error)
             import :: curve_type, error_type, wp
             implicit none (type, external)
             class(curve_type), intent(inout) :: self
-            !> 0 at the start of the step, 1 at its end.
+            !> Position, 0 at the start and 1 at the end of the step.
             real(wp), intent(in) :: x
             type(error_type), allocatable, intent(out) :: error
         end subroutine go_to_interface
 
-        !> Coordinates and velocities near those of a position within the step, beside the constraints; `state` is unchanged.
+        !> Return coordinates and velocities near a position in the step without restoring the constraints. `state` is unchanged.
         subroutine pass_through_interface(self, x, t, q, qd)
             import :: curve_type, wp
             implicit none (type, external)
             class(curve_type), intent(in) :: self
-            !> 0 at the start of the step, 1 at its end: there they equal the states.
+            !> Position, 0 at the start and 1 at the end of the step, where the result equals the states.
             real(wp), intent(in) :: x
-            !> (n) each.
+            !> Time, coordinates (n) and velocities (n).
             real(wp), intent(out) :: t
             real(wp), intent(out), contiguous :: q(:), qd(:)
         end subroutine pass_through_interface
@@ -135,8 +138,7 @@ module tandem_simulate_event_watch
     end interface
 
     interface
-        !> Decide if one of the events may happen in the step that was just accepted. If none can, advance all of them to the next
-        !> step.
+        !> Decide whether any event may occur in the step that was just accepted. If not, advance all events to the next step.
         module subroutine rule_out(self, curve, may_happen)
             implicit none (type, external)
             class(event_watch_type), intent(inout) :: self
@@ -149,7 +151,7 @@ module tandem_simulate_event_watch
             implicit none (type, external)
             class(event_watch_type), intent(inout) :: self
             class(curve_type), intent(inout) :: curve
-            !> True if no step may follow: a zero at the end counts now.
+            !> True if no step may follow, so that a zero at the end counts now.
             logical, intent(in) :: is_last
             type(error_type), allocatable, intent(out) :: error
         end subroutine search
@@ -157,7 +159,7 @@ module tandem_simulate_event_watch
 
 contains
 
-    !> Watch an event from the current state on; it must outlive this.
+    !> Watch an event from the current state on. The event must outlive this object.
     subroutine add(self, event, model)
         class(event_watch_type), intent(inout) :: self
         class(event_type), intent(inout), target :: event
@@ -185,7 +187,7 @@ contains
         self%values_are_stale = .true.
     end subroutine add
 
-    !> Measure the quantities of all events at a point by one call of the model.
+    !> Request a quantity, so that one call of the model per point measures the quantities of all events.
     subroutine ask_for(self, number)
         class(event_watch_type), intent(inout) :: self
         !> Index of a quantity.
@@ -201,7 +203,7 @@ contains
         self%measures = .true.
     end subroutine ask_for
 
-    !> True if values up to this modulus may be rounding.
+    !> True if values up to the given absolute value may be rounding errors.
     pure logical function is_faint(self, largest)
         class(watched_type), intent(in) :: self
         real(wp), intent(in) :: largest
@@ -209,7 +211,7 @@ contains
         is_faint = largest <= max(faint*self%peak, self%noise)
     end function is_faint
 
-    !> Discard the step of the last search.
+    !> Undo the last search, because its step is discarded.
     pure subroutine forget_search(self)
         class(event_watch_type), intent(inout) :: self
 
@@ -217,7 +219,7 @@ contains
         self%values_are_stale = self%were_stale
     end subroutine forget_search
 
-    !> The name of an event.
+    !> Name of an event.
     pure function name(self, number)
         class(event_watch_type), intent(in) :: self
         integer, intent(in) :: number
@@ -226,19 +228,20 @@ contains
         name = self%watched(number)%event%name
     end function name
 
-    !> The motion continues from another state than that of the last step's end.
+    !> Mark the values of all functions as out of date, because the motion continues from another state than the end of the last
+    !> step.
     pure subroutine forget_values(self)
         class(event_watch_type), intent(inout) :: self
 
         self%values_are_stale = .true.
     end subroutine forget_values
 
-    !> Position at which the first event that stops the run or changes the motion cuts the step, and the interval of simultaneous
-    !> events: all of them have passed their zeros at the cut.
+    !> Find the first event that stops the run or changes the motion; the step is cut at its zero. All events within the interval of
+    !> simultaneous events have passed their zeros at the cut.
     pure subroutine find_cut(self, curve, cut_at, at_once)
         class(event_watch_type), intent(in) :: self
         class(curve_type), intent(in) :: curve
-        !> Position of the cut, beyond the step if there is none; zeros within this distance are simultaneous.
+        !> Position of the cut, beyond 1 if there is none; distance within which events are simultaneous.
         real(wp), intent(out) :: cut_at, at_once
         integer :: k
 
@@ -249,16 +252,16 @@ contains
                 associate (event => self%watched(zeros%number(k))%event)
                     if (.not. (event%stops .or. event%changes)) cycle
                 end associate
-                cut_at = maxval(zeros%place(k:zeros%n), zeros%place(k:zeros%n) <= zeros%place(k) + at_once)
+                cut_at = maxval(zeros%position(k:zeros%n), zeros%position(k:zeros%n) <= zeros%position(k) + at_once)
                 return
             end do
         end associate
     end subroutine find_cut
 
-    !> Advance all events to the next step from the end of one that was searched and not cut.
+    !> Advance all events from the end of a step that was searched and not cut.
     subroutine pass(self, is_last)
         class(event_watch_type), intent(inout) :: self
-        !> True if a zero at the end has counted, as a crossing.
+        !> True if a zero at the end of the step has counted as a crossing.
         logical, intent(in) :: is_last
         integer :: i, k
 
@@ -276,16 +279,16 @@ contains
         end do
     end subroutine pass
 
-    !> End the step at events: determine their effects, and the initial values of all functions.
+    !> End the step at events: determine which events occur there and their effects.
     subroutine settle(self, x, at_once, has_advanced, stopper, is_endless)
         class(event_watch_type), intent(inout) :: self
-        !> Position of the cut; zeros within this distance are simultaneous.
+        !> Position of the cut; distance within which events are simultaneous.
         real(wp), intent(in) :: x, at_once
-        !> True if the time has advanced until there.
+        !> True if the time has advanced since the last event.
         logical, intent(in) :: has_advanced
-        !> The event that stops the run, 0 for none.
+        !> Index of the event that stops the run, 0 if none.
         integer, intent(out) :: stopper
-        !> True if too many events have followed each other without an advance of time.
+        !> True if too many events have followed each other at the same time.
         logical, intent(out) :: is_endless
         integer :: i, k
 
@@ -295,30 +298,30 @@ contains
         if (is_endless) return
         do i = 1, self%n
             associate (watched => self%watched(i))
-                ! A function that has stayed at its zero until there continues to rest, such as that of a locked joint.
+                ! A function that has remained zero up to the cut, such as that of a locked joint, still counts as having occurred.
                 do k = 1, n_samples
-                    if (place(k) > x) exit
+                    if (sample_position(k) > x) exit
                     if (sign_of(self%samples(i, k), max(zero*watched%largest, watched%noise)) /= 0) watched%rests = .false.
                 end do
             end associate
         end do
         do k = 1, self%found%n
-            if (self%found%place(k) > x) exit
-            if (self%found%place(k) < x - at_once) cycle
+            if (self%found%position(k) > x) exit
+            if (self%found%position(k) < x - at_once) cycle
             associate (watched => self%watched(self%found%number(k)))
                 watched%rests = .true.
                 watched%direction = self%found%direction(k)
                 watched%is_due = watched%event%changes
-                watched%is_sent_back = .false.
+                watched%is_reversed = .false.
                 if (watched%is_due) self%has_to_act = .true.
                 if (watched%event%stops .and. stopper == 0) stopper = self%found%number(k)
             end associate
         end do
         do i = 1, self%n
             if (x < 1.0_wp) self%watched(i)%is_open = .false.
-            ! The sign before the cut, for events that do not happen there.
+            ! Store the last sign before the cut, for events that do not occur there.
             do k = 1, n_samples
-                if (place(k) > x) exit
+                if (sample_position(k) > x) exit
                 associate (s => sign_of(self%samples(i, k), max(zero*self%watched(i)%largest, self%watched(i)%noise)))
                     if (s /= 0) self%watched(i)%sign_before = s
                 end associate
@@ -326,7 +329,7 @@ contains
         end do
     end subroutine settle
 
-    !> The values of all functions at the current state, from which the motion goes on.
+    !> Evaluate all functions at the current state, from which the motion continues.
     subroutine renew(self, curve, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -346,7 +349,7 @@ contains
         end do
     end subroutine renew
 
-    !> g of one event at the current state.
+    !> Evaluate g of one event at the current state.
     subroutine evaluate(self, curve, number, value, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -372,7 +375,7 @@ contains
         end associate
     end subroutine evaluate
 
-    !> g of one event at a point, with the last computed multipliers.
+    !> Evaluate g of one event at a point, with the multipliers computed last.
     subroutine evaluate_point(self, number, t, q, qd, value, stat)
         class(event_watch_type), intent(inout) :: self
         integer, intent(in) :: number
@@ -387,8 +390,8 @@ contains
         self%evaluations = self%evaluations + 1
     end subroutine evaluate_point
 
-    !> Before all events are evaluated at a point: measure their quantities in one call of the model. If that fails, each event
-    !> requests its own quantity.
+    !> Measure the quantities of all events at a point by one call of the model, before the events are evaluated. If this fails,
+    !> each event requests its own quantity.
     subroutine measure_all(self, t, q, qd)
         class(event_watch_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -403,7 +406,7 @@ contains
         if (stat == 0) call move_alloc(self%shown, self%model%state%shown)
     end subroutine measure_all
 
-    !> Drop the measured values, which belong to one point.
+    !> Discard the measured values, which are valid at one point only.
     subroutine end_measuring(self)
         class(event_watch_type), intent(inout) :: self
 
@@ -411,9 +414,9 @@ contains
         if (allocated(self%model%state%shown)) call move_alloc(self%model%state%shown, self%shown)
     end subroutine end_measuring
 
-    !> Change of g due to rounding of time, state and multipliers. Integration and corrections leave errors of some last digits,
-    !> relative to coordinates or to their scales if these are larger. One pattern of signs may cancel in g, as a common factor of
-    !> Euler parameters does in angles; two patterns hardly do.
+    !> Change of g due to rounding errors of time, state and multipliers. Integration and constraint corrections cause errors of
+    !> several units in the last place of coordinates or of their scales. Errors with one pattern of signs may cancel in g, such as
+    !> a common factor of Euler parameters in angles; two different patterns rarely do.
     subroutine measure_noise(self, curve, number, noise)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -441,22 +444,22 @@ contains
         end associate
     end subroutine measure_noise
 
-    !> Before actions: compute the change of the functions of due events without them.
+    !> Before actions: measure how the functions of due events would change without them.
     subroutine prepare_actions(self, curve)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(in) :: curve
-        real(wp) :: reach
+        real(wp) :: expected_change
         integer :: i
 
         do i = 1, self%n
             if (.not. self%watched(i)%is_due) cycle
-            call measure_rate(self, curve, i, reach)
-            self%watched(i)%reach = reach
+            call measure_rate(self, curve, i, expected_change)
+            self%watched(i)%expected_change = expected_change
             self%watched(i)%value_before = self%watched(i)%value
         end do
     end subroutine prepare_actions
 
-    !> Take the actions that are due, in the order of the events' numbers.
+    !> Perform the actions that are due, in the order of the events' indices.
     subroutine act(self, model, state, error)
         class(event_watch_type), intent(inout) :: self
         class(model_type), intent(inout) :: model
@@ -469,35 +472,35 @@ contains
             associate (watched => self%watched(i))
                 if (.not. watched%is_due) cycle
                 watched%is_due = .false.
-                watched%is_sent_back = watched%reach*watched%direction > 0.0_wp
+                watched%is_reversed = watched%expected_change*watched%direction > 0.0_wp
                 call watched%event%act(model, state%t, state%q, state%qd, error)
             end associate
             if (allocated(error)) return
         end do
     end subroutine act
 
-    !> After actions: check whether they have reversed g at this zero. A g that they hold there, as locks do, may continue either
-    !> way when it is released.
-    subroutine judge_actions(self, curve)
+    !> After actions: check whether they have reversed the motion of g at this zero. A g that an action keeps constant, as a lock
+    !> does, may continue in either direction once it is released.
+    subroutine check_actions(self, curve)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
-        real(wp) :: reach_after
+        real(wp) :: change_after
         integer :: i
 
         do i = 1, self%n
-            if (.not. self%watched(i)%is_sent_back) cycle
-            call measure_rate(self, curve, i, reach_after)
+            if (.not. self%watched(i)%is_reversed) cycle
+            call measure_rate(self, curve, i, change_after)
             associate (watched => self%watched(i))
-                watched%is_sent_back = reach_after*watched%direction <= 0.0_wp .and. &
-                    abs(watched%value) <= max(1.0e-9_wp*abs(watched%reach), 4*abs(watched%value_before))
-                if (watched%is_sent_back) watched%is_sent_back = .not. is_held(self, curve, i)
-                watched%reach = abs(watched%reach)
-                watched%judged_until = curve%state%t + (curve%t_to - curve%t_from)
+                watched%is_reversed = change_after*watched%direction <= 0.0_wp .and. &
+                    abs(watched%value) <= max(1.0e-9_wp*abs(watched%expected_change), 4*abs(watched%value_before))
+                if (watched%is_reversed) watched%is_reversed = .not. is_held(self, curve, i)
+                watched%expected_change = abs(watched%expected_change)
+                watched%check_until = curve%state%t + (curve%t_to - curve%t_from)
             end associate
         end do
-    end subroutine judge_actions
+    end subroutine check_actions
 
-    !> True if neither the velocity nor the acceleration of the current state moves g.
+    !> True if neither the velocity nor the acceleration at the current state changes g.
     logical function is_held(self, curve, number)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -506,11 +509,11 @@ contains
         integer :: stat
 
         is_held = .false.
-        ! Multipliers ahead are not known.
+        ! Multipliers at later times are unknown.
         if (self%watched(number)%event%needs_multipliers) return
         call self%measure_noise(curve, number, noise)
         associate (event => self%watched(number)%event, state => curve%state)
-            ! A shorter time would not show accelerations.
+            ! A shorter time would not show the effect of accelerations.
             h = part*max(curve%t_to - curve%t_from, part*self%model%time_scale)
             call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
             if (stat /= 0) return
@@ -521,27 +524,27 @@ contains
         end associate
     end function is_held
 
-    !> Change of g in a step as long as the last: a difference along the motion, with constant multipliers.
-    subroutine measure_rate(self, curve, number, reach)
+    !> Change of g over a step as long as the last one, extrapolated from a difference along the motion with constant multipliers.
+    subroutine measure_rate(self, curve, number, expected_change)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(in) :: curve
         integer, intent(in) :: number
-        real(wp), intent(out) :: reach
+        real(wp), intent(out) :: expected_change
         real(wp) :: h, value, value_ahead
         integer :: stat
 
         associate (event => self%watched(number)%event, state => curve%state)
-            reach = 0.0_wp
+            expected_change = 0.0_wp
             h = part*(curve%t_to - curve%t_from)
             call event%evaluate(state%t, state%q, state%qd, self%lambda, value, stat)
             if (stat /= 0) return
             call event%evaluate(state%t + h, state%q + h*state%qd, state%qd + h*state%qdd, self%lambda, value_ahead, stat)
             self%evaluations = self%evaluations + 2
-            if (stat == 0 .and. ieee_is_finite(value_ahead - value)) reach = (value_ahead - value)/part
+            if (stat == 0 .and. ieee_is_finite(value_ahead - value)) expected_change = (value_ahead - value)/part
         end associate
     end subroutine measure_rate
 
-    !> State between steps.
+    !> Pack the state between steps.
     subroutine pack_state(self, pack)
         class(event_watch_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -560,8 +563,8 @@ contains
                 call pack%item(watched%is_open, watched%rests)
                 call pack%item(watched%direction)
                 call pack%item(watched%noise)
-                call pack%item(watched%is_sent_back)
-                call pack%item(watched%judged_until, watched%reach)
+                call pack%item(watched%is_reversed)
+                call pack%item(watched%check_until, watched%expected_change)
             end associate
         end do
     end subroutine pack_state

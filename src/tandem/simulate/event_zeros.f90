@@ -1,26 +1,26 @@
 ! SPDX-License-Identifier: MIT
-!> The zeros of events in a step.
+!> Location of the zeros of events in a step.
 !>
-!> Every g is sampled at a few positions of the step. A sign change is narrowed to 1e-13 of the step. If the samples come near zero
-!> and turn back, the minimum of |g| is searched: it may hide two sign changes, or a touch. A g that leaves and returns within a
-!> quarter of a step, undetected by the parabola through the samples, is missed; `max_step` bounds such gaps. A zero at the very end
-!> of a step is judged with the next step, which shows whether g continues or turns back.
+!> Every g is sampled at several positions of the step. A sign change is narrowed to 1e-13 of the step. If samples approach zero and
+!> turn back, the minimum of |g| is searched, since it may hide two sign changes or a contact. A g that crosses zero and returns
+!> within a quarter of a step is missed if the parabola through the samples does not reveal it; `max_step` bounds such intervals. A
+!> zero at the very end of a step is decided in the next step, which shows whether g continues or turns back.
 submodule(tandem_simulate_event_watch) tandem_simulate_event_zeros
     use tandem_simulate_root, only: bracket_type, minimum_type, vertex
     implicit none (type, external)
 
-    !> Position of the first evaluation of g after an event: closer to its zero the sign is rounding.
+    !> Position of the first evaluation of g after an event. At earlier positions, rounding errors determine the sign.
     real(wp), parameter :: early = 1.0e-6_wp
-    !> Below these parts of the largest |g| in the step a value is zero: soon after an event; at an extremum, where the error of the
-    !> integration decides whether g reaches it.
+    !> Fractions of the largest |g| in the step below which a value counts as zero: soon after an event; at an extremum, where the
+    !> error of the integration determines whether g attains zero.
     real(wp), parameter :: early_zero = 1.0e-11_wp, touch = 1.0e-9_wp
 
     !> Samples of the function of one event in a step.
     type :: sampled_type
-        !> The event, and the first sample from which on its zeros count; 0 if unknown.
+        !> Index of the event; first sample whose zeros count, 0 if unknown.
         integer :: number = 0, first = 0
-        !> Positions and values, the largest modulus of these, and their signs.
-        real(wp) :: x(n_samples) = place, value(n_samples) = 0.0_wp, largest = 0.0_wp
+        !> Positions, values, the largest absolute value, and signs.
+        real(wp) :: x(n_samples) = sample_position, value(n_samples) = 0.0_wp, largest = 0.0_wp
         integer :: sign(n_samples) = 0
     end type sampled_type
 
@@ -31,15 +31,15 @@ contains
 
         self%watched_before(:) = self%watched
         self%were_stale = self%values_are_stale
-        call take_samples(self, curve, error)
+        call sample_all(self, curve, error)
         self%found%n = 0
         do i = 1, self%n
             if (.not. allocated(error)) call find_zeros(self, curve, i, is_last, error)
         end do
     end procedure search
 
-    !> All functions at all samples of the step.
-    subroutine take_samples(self, curve, error)
+    !> Evaluate all functions at all samples of the step.
+    subroutine sample_all(self, curve, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         type(error_type), allocatable, intent(out) :: error
@@ -55,12 +55,12 @@ contains
         end if
         do k = 2, n_samples
             if (allocated(error)) return
-            call sample(self, curve, place(k), self%samples(:, k), error)
+            call sample(self, curve, sample_position(k), self%samples(:, k), error)
         end do
         self%values_are_stale = .false.
-    end subroutine take_samples
+    end subroutine sample_all
 
-    !> The values of all events at a position of the step.
+    !> Evaluate all functions at a position of the step.
     subroutine sample(self, curve, x, value, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -82,7 +82,7 @@ contains
         call self%end_measuring()
     end subroutine sample
 
-    !> g of one event at a position of the step.
+    !> Evaluate g of one event at a position of the step.
     subroutine evaluate_at(self, curve, number, x, value, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -97,7 +97,7 @@ contains
         if (.not. allocated(error)) call self%evaluate(curve, number, value, error)
     end subroutine evaluate_at
 
-    !> The zeros of one event in the step, added to those found.
+    !> Find the zeros of one event in the step and add them to the list.
     subroutine find_zeros(self, curve, number, is_last, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -125,10 +125,10 @@ contains
             do k = 1, n_samples
                 g%sign(k) = sign_of(g%value(k), max(zero*g%largest, watched%noise))
             end do
-            if (watched%rests) call begin_behind(watched, self%samples(number, n_samples + 1), g)
+            if (watched%rests) call begin_after_event(watched, self%samples(number, n_samples + 1), g)
         end associate
-        if (g%first == 0) call judge_start(self, g)
-        if (self%watched(number)%is_sent_back) call judge_return(self, curve, g, error)
+        if (g%first == 0) call decide_start(self, g)
+        if (self%watched(number)%is_reversed) call check_reversal(self, curve, g, error)
         if (allocated(error)) return
         call find_crossings(self, curve, g, is_last, error)
         do k = g%first, n_samples
@@ -136,8 +136,8 @@ contains
         end do
     end subroutine find_zeros
 
-    !> The event has happened at the start of the step: begin a little behind it.
-    pure subroutine begin_behind(watched, early_value, g)
+    !> Begin soon after the start of the step, at which the event has occurred.
+    pure subroutine begin_after_event(watched, early_value, g)
         type(watched_type), intent(inout) :: watched
         real(wp), intent(in) :: early_value
         type(sampled_type), intent(inout) :: g
@@ -149,10 +149,11 @@ contains
         g%first = 1
         g%x(1) = early
         g%value(1) = early_value
-    end subroutine begin_behind
+    end subroutine begin_after_event
 
-    !> Judge a zero at the start of the step: at the start of the run, undecided by the last step, or due to a jump.
-    subroutine judge_start(self, g)
+    !> Decide whether a zero at the start of the step counts: at the start of the run, if the last step left it undecided, or after
+    !> a jump.
+    subroutine decide_start(self, g)
         class(event_watch_type), intent(inout) :: self
         type(sampled_type), intent(inout) :: g
         integer :: after, k
@@ -165,13 +166,13 @@ contains
             wanted => self%watched(g%number)%event%direction)
             if (.not. is_open) then
                 if (s(1)*before < 0) call add_if_wanted(self, g, 0.0_wp, s(1))
-                ! A zero here is not reached yet, or has counted.
+                ! A zero here is not yet attained, or it has already counted.
                 if (s(1) == 0 .and. s(2) /= 0) s(1) = before
                 return
             end if
             is_open = .false.
             if (after == 0) then
-                ! g stays at zero: that is one zero, now, or a crossing where it leaves.
+                ! g remains zero: either this is one zero at the start, or g will cross zero when it leaves.
                 if (wanted == 0) call add_if_wanted(self, g, 0.0_wp, 0)
                 is_open = wanted /= 0
             else if (before == 0) then
@@ -182,10 +183,11 @@ contains
                 call add_if_wanted(self, g, 0.0_wp, 0)
             end if
         end associate
-    end subroutine judge_start
+    end subroutine decide_start
 
-    !> An action that has reversed g is effective if g stays away within this step, and in vain if g appears on the opposite side.
-    subroutine judge_return(self, curve, g, error)
+    !> Decide whether an action that has reversed the motion of g is effective. It is if g keeps its sign in this step; g with the
+    !> opposite sign is an error.
+    subroutine check_reversal(self, curve, g, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         type(sampled_type), intent(in) :: g
@@ -194,18 +196,18 @@ contains
 
         associate (watched => self%watched(g%number))
             do i = g%first, n_samples
-                if (g%sign(i) == 0 .or. abs(g%value(i)) <= 1.0e-9_wp*watched%reach) cycle
-                watched%is_sent_back = .false.
+                if (g%sign(i) == 0 .or. abs(g%value(i)) <= 1.0e-9_wp*watched%expected_change) cycle
+                watched%is_reversed = .false.
                 if (g%sign(i) == watched%direction) call set_error(error, status_event_limit, 'the event "'// &
                     trim(watched%event%name)//'" at t = '//to_text(curve%t_from)//' would recur immediately', &
                     'stop the run where the motion comes to rest, or change the model there')
                 return
             end do
-            watched%is_sent_back = curve%t_to < watched%judged_until
+            watched%is_reversed = curve%t_to < watched%check_until
         end associate
-    end subroutine judge_return
+    end subroutine check_reversal
 
-    !> Crossings between samples; at samples crossings or touches, according to the signs around them.
+    !> Find crossings between samples, and crossings or contacts at samples, which the signs around them distinguish.
     subroutine find_crossings(self, curve, g, is_last, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -223,7 +225,7 @@ contains
                 if (last < k - 1 .and. g%sign(k) /= g%sign(last)) then
                     call add_if_wanted(self, g, g%x(last + 1), g%sign(k))
                 else if (last < k - 1) then
-                    ! It may also be one of two crossings.
+                    ! It may also be the first or second of two crossings.
                     call search_minimum(self, curve, g, g%x(last), g%value(last), g%x(k), g%value(k), is_found, error)
                     if (.not. is_found) call add_if_wanted(self, g, g%x(last + 1), 0)
                 else if (g%sign(k) /= g%sign(last)) then
@@ -240,14 +242,14 @@ contains
         end if
     end subroutine find_crossings
 
-    !> Narrow a sign change between two positions.
+    !> Locate a sign change between two positions.
     subroutine locate(self, curve, g, a, value_a, b, value_b, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         type(sampled_type), intent(in) :: g
         real(wp), intent(in) :: a, value_a, b, value_b
         type(error_type), allocatable, intent(out) :: error
-        !> Larger than the number of two secants per bisection.
+        !> Exceeds the number of points with two secant steps per bisection.
         integer, parameter :: most_points = 150
         type(bracket_type) :: bracket
         real(wp) :: point, value_there
@@ -262,13 +264,13 @@ contains
             if (allocated(error)) return
             call bracket%narrow(point, value_there)
         end do
-        ! Behind the zero, so that the motion continues after the sign change; the remainder of a step is a step.
+        ! Return the position after the zero, so that the motion continues after the sign change.
         point = bracket%b
         if ((1.0_wp - point)*(curve%t_to - curve%t_from) <= 8*spacing(abs(curve%t_to))) point = 1.0_wp
         call add_if_wanted(self, g, point, merge(1, -1, value_b > 0.0_wp))
     end subroutine locate
 
-    !> Search a minimum if |g| at a sample is smaller than beside it and may reach zero there.
+    !> Search for a minimum if |g| at a sample is smaller than at its neighbours and may attain zero there.
     subroutine look_for_minimum(self, curve, g, k, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
@@ -288,25 +290,25 @@ contains
             if (k < high .and. abs(value(k)) >= abs(value(high))) return
             call vertex(x(i:i + 2), abs(value(i:i + 2)), at, extreme)
             if (extreme > 0.25_wp*maxval(abs(value(i:i + 2)))) return
-            ! At an end: only an extremum of this step, or one too near to the end to decide.
-            associate (reach => merge(0.0_wp, x(high) - x(low), self%watched(g%number)%rests))
-                if (k == low .and. (at > x(high) .or. at < x(low) - reach)) return
+            ! At an end of the step: only an extremum within the step, or one too near to the end to be excluded.
+            associate (expected_change => merge(0.0_wp, x(high) - x(low), self%watched(g%number)%rests))
+                if (k == low .and. (at > x(high) .or. at < x(low) - expected_change)) return
                 if (k == high .and. (at < x(low) .or. at > x(high) + x(high) - x(low))) return
             end associate
             call search_minimum(self, curve, g, x(low), value(low), x(high), value(high), is_found, error)
         end associate
     end subroutine look_for_minimum
 
-    !> Locate a minimum of |g| near zero and decide its kind.
+    !> Locate a minimum of |g| near zero, and decide whether it is a contact or hides crossings.
     subroutine search_minimum(self, curve, g, a, value_a, b, value_b, is_found, error)
         class(event_watch_type), intent(inout) :: self
         class(curve_type), intent(inout) :: curve
         type(sampled_type), intent(in) :: g
         real(wp), intent(in) :: a, value_a, b, value_b
-        !> True if g reaches zero there.
+        !> True if g attains zero there.
         logical, intent(out) :: is_found
         type(error_type), allocatable, intent(out) :: error
-        !> Golden sections alone take 45.
+        !> Golden section search alone takes 45.
         integer, parameter :: most_points = 60
         type(minimum_type) :: minimum
         real(wp) :: point, value_there, toward
@@ -318,7 +320,7 @@ contains
         do j = 1, most_points
             point = minimum%next_point()
             if (minimum%n_points > 3 .and. minimum%width() <= 2.0e-9_wp) exit
-            ! Far above zero: no parabola will reach zero.
+            ! Stop far above zero, if no parabola can attain zero.
             if (minimum%expected > 0.5_wp*minimum%value .and. minimum%expected < huge(1.0_wp) .and. &
                 minimum%value > 1.0e3_wp*touch*g%largest .and. minimum%n_points > 4) return
             if (point <= minimum%a .or. point >= minimum%b) exit
@@ -336,7 +338,7 @@ contains
         if (is_found) call add_if_wanted(self, g, minimum%x, 0)
     end subroutine search_minimum
 
-    !> Add a zero if the event asks for its direction.
+    !> Add a zero if its direction is one in which the event occurs.
     subroutine add_if_wanted(self, g, at, direction)
         class(event_watch_type), intent(inout) :: self
         type(sampled_type), intent(in) :: g

@@ -1,13 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> The events of a run: events in a step are recorded in the order of the times, and the step is cut if an event requires it. After
-!> an action the motion restarts: the position must be on the constraints, the velocity is projected in the mass metric.
+!> Events of a run. Events in a step are recorded in the order of their times, and the step is cut if an event requires this. After
+!> an action the motion restarts: the position must satisfy the constraints, and the velocity is projected in the mass metric.
 submodule(tandem_simulation) tandem_simulate_events
     use tandem_simulate_event_watch, only: curve_type
     use tandem_status, only: status_event_limit
     use tandem_stepper_state, only: go_between
     implicit none (type, external)
 
-    !> The last step of a run, by its dense output.
+    !> The last step of a run as a curve, by its dense output.
     type, extends(curve_type) :: step_curve_type
         class(simulation_type), pointer :: run => null()
     contains
@@ -22,7 +22,7 @@ contains
         if (.not. allocated(self%events)) allocate (self%events(0))
     end procedure add_event
 
-    !> On an error without a cut the step has not been searched to its end.
+    !> After an error without a cut, the step has not been searched to its end.
     module procedure look_for_events
         type(step_curve_type) :: curve
         real(wp) :: cut_at, at_once
@@ -31,7 +31,7 @@ contains
 
         is_cut = .false.
         is_refused = .false.
-        call follow(self, curve)
+        call set_last_step(self, curve)
         call self%watch%rule_out(curve, may_happen)
         if (.not. may_happen) return
         call self%watch%search(curve, is_last, error)
@@ -51,12 +51,12 @@ contains
         is_cut = cut_at <= 1.0_wp
         associate (found => self%watch%found)
             do k = 1, found%n
-                if (found%place(k) > cut_at) exit
-                call record(self, curve, found%number(k), found%direction(k), found%place(k), error)
+                if (found%position(k) > cut_at) exit
+                call record(self, curve, found%number(k), found%direction(k), found%position(k), error)
                 if (.not. allocated(error)) cycle
-                ! The run ends at the first event in excess.
+                ! The run ends at the first event beyond the limit.
                 is_cut = .true.
-                call cut_step(self, found%place(k))
+                call cut_step(self, found%position(k))
                 return
             end do
         end associate
@@ -68,8 +68,8 @@ contains
         end if
     end procedure look_for_events
 
-    !> Represent the last step of a run by a curve.
-    subroutine follow(self, curve)
+    !> Set the curve to the last step of the run.
+    subroutine set_last_step(self, curve)
         class(simulation_type), intent(inout), target :: self
         type(step_curve_type), intent(out) :: curve
 
@@ -77,7 +77,7 @@ contains
         curve%state => self%state
         curve%t_from = self%start%t
         curve%t_to = self%next%t
-    end subroutine follow
+    end subroutine set_last_step
 
     subroutine go_to(self, x, error)
         class(step_curve_type), intent(inout) :: self
@@ -120,7 +120,7 @@ contains
         call self%run%multipliers(lambda)
     end subroutine multipliers_there
 
-    !> Record an event. The curve moves the same simulation.
+    !> Record an event. The curve moves the state of the same simulation.
     subroutine record(self, curve, number, direction, x, error)
         class(simulation_type), intent(inout), target :: self
         type(step_curve_type), intent(inout) :: curve
@@ -146,7 +146,7 @@ contains
         end associate
     end subroutine record
 
-    !> End the step at the current state of the curve. The chart still stores the whole step, for its dense output.
+    !> End the step at the current state of the curve. The chart still stores the whole step, for dense output.
     subroutine cut_step(self, x)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: x
@@ -156,16 +156,16 @@ contains
             call self%look_back()
             call self%state%copy(self%start)
         end if
-        call self%between%output%stay(self%chart)
+        call self%between%output%discard_saved_state(self%chart)
         self%last_step = self%state%t - self%start%t
         self%renewal%reason = by_event
     end subroutine cut_step
 
-    !> End the step at events: determine their effects, and the initial values of all functions.
+    !> End the step at events: determine which events occur and their effects, and evaluate all functions.
     subroutine begin_events(self, curve, x, at_once, error)
         class(simulation_type), intent(inout), target :: self
         type(step_curve_type), intent(inout) :: curve
-        !> Position of the cut; zeros within this distance are simultaneous.
+        !> Position of the cut; distance within which events are simultaneous.
         real(wp), intent(in) :: x, at_once
         type(error_type), allocatable, intent(out) :: error
         integer :: stopper
@@ -185,25 +185,25 @@ contains
         if (.not. allocated(error)) call self%watch%renew(curve, error)
     end subroutine begin_events
 
-    !> Take the actions that are due, in the order of the events' numbers, and prepare the motion to continue.
+    !> Perform the actions that are due, in the order of the events' indices, and prepare the continuation of the motion.
     module procedure act_on_events
         type(step_curve_type) :: curve
 
         call self%part_end()
-        call self%between%output%keep(self%state, self%errors)
-        call follow(self, curve)
+        call self%between%output%save_state(self%state, self%errors)
+        call set_last_step(self, curve)
         call self%watch%prepare_actions(curve)
         call self%watch%act(self%model, self%state, error)
         if (.not. allocated(error)) call restart_here(self, error)
         if (.not. allocated(error)) call self%watch%renew(curve, error)
         if (allocated(error)) then
-            call self%between%output%give_back(self%state, self%errors)
+            call self%between%output%restore_state(self%state, self%errors)
             return
         end if
-        call self%watch%judge_actions(curve)
+        call self%watch%check_actions(curve)
     end procedure act_on_events
 
-    !> After an action: the position must be on the constraints, the velocity is projected, the acceleration is recomputed.
+    !> After an action: check that the position satisfies the constraints, project the velocity, and recompute the acceleration.
     subroutine restart_here(self, error)
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
@@ -220,14 +220,14 @@ contains
         call self%between%control%begin()
         call self%local_error%restart()
         call self%auto%stiffness%smoothness%restart()
-        ! A loss of rank that was ahead need not be ahead now.
+        ! A predicted loss of rank may not apply after the action.
         call self%lost_rank%forget_ahead()
         call self%chart%forget(.true.)
-        call self%energy%forget()
+        call self%energy%clear()
         stat = status_ok
         if (self%method%implicit) then
-            ! Bases of implicit steps are complements of the rows before the action: with a row that it locks or frees, C X may be
-            ! singular. The dense output of implicit steps does not depend on the origin.
+            ! Bases of implicit steps are complements of the rows before the action. C X may be singular for rows that the action
+            ! locks or frees. The dense output of implicit steps does not depend on the origin of the chart.
             call self%move_origin(stat)
             self%state%dq(:) = 0.0_wp
             self%state%dqd(:) = 0.0_wp
@@ -255,8 +255,7 @@ contains
         call self%measure_errors(error)
     end subroutine restart_here
 
-    !> The impulses that have brought the velocity onto the constraints, M (qd - before) = -C' impulse. Multipliers are linear in
-    !> the given acceleration.
+    !> Impulses of the projection of the velocity: M (qd - before) = -C' impulse. Multipliers are linear in the given acceleration.
     subroutine find_impulses(self, before, stat)
         class(simulation_type), intent(inout) :: self
         !> Velocities before the projection (n).

@@ -1,29 +1,29 @@
 ! SPDX-License-Identifier: MIT
-!> The exchange of steppers in a run, between steps: the stepper `auto`. Each method has a chart of its own, since explicit steps
-!> omit data of implicit ones.
+!> Exchange of steppers between steps, for the stepper `auto`. Each stepper has its own chart, because explicit steps omit data of
+!> implicit ones.
 submodule(tandem_simulation) tandem_simulate_exchange
     implicit none (type, external)
 
 contains
 
     module procedure consider_exchange
-        integer(long) :: tries
+        integer(long) :: attempts
         real(wp) :: cost, open
         logical :: wants
 
         if (.not. self%auto%switching%is_asked(self%tally%steps)) return
-        ! Near a loss of rank steps become short for another reason.
+        ! Near a loss of rank, steps become short for another reason.
         if (self%lost_rank%is_near(self%state%t)) return
-        tries = self%tally%steps + self%tally%rejected + self%tally%failed
+        attempts = self%tally%steps + self%tally%rejected + self%tally%failed
         cost = implicit_cost(self)
         associate (switching => self%auto%switching, smoothness => self%auto%stiffness%smoothness, control => self%control)
             if (switching%is_implicit) then
-                wants = switching%is_due(tries)
-                if (wants) call decide_for_explicit(self, tries, cost, wants)
+                wants = switching%is_due(attempts)
+                if (wants) call decide_for_explicit(self, attempts, cost, wants)
             else
                 call smoothness%look_at_window(self%state, switching%t_from, control%weight_q, control%weight_qd, open)
                 wants = switching%wants_implicit(self%state%t, control%is_free, control%is_at_limit, &
-                    smoothness%needed, open, tries, self%method%stages, cost)
+                    smoothness%needed, open, attempts, self%method%stages, cost)
             end if
         end associate
         if (wants) call exchange(self, self%auto%switching%first_step_at(self%state%t - self%t_start), error)
@@ -35,9 +35,9 @@ contains
 
         if (.not. self%auto%switching%may_begin_implicit() .or. self%lost_rank%is_near(self%state%t)) return
         first_step = self%control%limit(self%auto%switching%first_step)
-        call self%auto%switching%begin_looks()
+        call self%auto%switching%begin_estimation()
         do k = 1, looks
-            call self%auto%switching%look_at_eigenvalue(self%chart, self%state)
+            call self%auto%switching%estimate_eigenvalue(self%chart, self%state)
             if (k > 1 .and. .not. self%auto%switching%begins_implicit(first_step, self%method%stages, self%method%stability_limit, &
                 implicit_cost(self))) return
         end do
@@ -45,25 +45,25 @@ contains
         call exchange(self, self%control%h, error)
     end procedure consider_beginning
 
-    !> Decide whether explicit steps would be cheaper than the last implicit ones.
-    subroutine decide_for_explicit(self, tries, cost, wants)
+    !> Decide whether explicit steps would cost less than recent implicit steps.
+    subroutine decide_for_explicit(self, attempts, cost, wants)
         class(simulation_type), intent(inout) :: self
-        !> Tries of steps so far, and the cost of an implicit step.
-        integer(long), intent(in) :: tries
+        !> Number of step attempts so far; cost of an implicit step.
+        integer(long), intent(in) :: attempts
         real(wp), intent(in) :: cost
         logical, intent(out) :: wants
         integer :: k
 
         associate (t => self%state%t, method => self%auto%explicit_method)
-            call self%auto%switching%begin_looks()
+            call self%auto%switching%begin_estimation()
             wants = .true.
             do k = 1, looks
-                call self%auto%switching%look_at_eigenvalue(self%chart, self%state)
+                call self%auto%switching%estimate_eigenvalue(self%chart, self%state)
                 if (k == 1) cycle
-                wants = wants .and. self%auto%switching%wants_explicit(t, tries, method%stages, method%stability_limit, cost)
-                if (.not. wants .and. self%auto%switching%is_certain()) exit
+                wants = wants .and. self%auto%switching%wants_explicit(t, attempts, method%stages, method%stability_limit, cost)
+                if (.not. wants .and. self%auto%switching%may_oppose()) exit
             end do
-            call self%auto%switching%note_decision(t, tries, method%stability_limit)
+            call self%auto%switching%note_decision(t, attempts, method%stability_limit)
         end associate
     end subroutine decide_for_explicit
 
@@ -77,7 +77,7 @@ contains
     !> Exchange the steppers.
     subroutine exchange(self, h, error)
         class(simulation_type), intent(inout) :: self
-        !> Smallest size of the first implicit step.
+        !> Lower limit of the size of the first implicit step.
         real(wp), intent(in) :: h
         type(error_type), allocatable, intent(out) :: error
         integer :: stat
@@ -85,7 +85,7 @@ contains
         call self%make_room()
         call self%take_stepper(.not. self%auto%switching%is_implicit, stat)
         if (stat /= status_ok) then
-            ! Implicit steps are impossible here: the run continues unchanged.
+            ! Implicit steps are impossible here: continue with explicit steps.
             self%auto%switching%is_on = .false.
             call self%take_stepper(self%auto%switching%is_implicit, stat)
             if (stat /= status_ok) call self%fail(stat, 'at a new chart at t = '//to_text(self%state%t), error)
@@ -97,8 +97,8 @@ contains
         self%state%dqd(:) = 0.0_wp
         call self%auto%switching%note_switch(self%state%t, self%tally%steps, self%tally%steps + self%tally%rejected + &
             self%tally%failed, self%auto%stiffness%smoothness%needed)
-        ! Explicit steps begin within their limit; implicit ones grow from the current size, or at the start of a run as if no step
-        ! had been taken.
+        ! Explicit steps begin within their stability limit. Implicit steps grow from the current size or, at the start of a run,
+        ! have the size of a first step.
         if (self%auto%switching%is_implicit) then
             self%control%h = self%control%limit(max(self%control%h, h))
         else if (self%auto%switching%lambda > 0.0_wp) then

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> List of all statistics of a run by name: the single source of the report's attributes, JSON, and the statistics of the C and
-!> Fortran 77 interfaces.
+!> List of all statistics of a run by name. It is the only source of the attributes of reports, of JSON output, and of the
+!> statistics of the C and Fortran 77 interfaces.
 module tandem_simulate_figures
     use tandem_kinds, only: long, wp
     use tandem_model_derivatives, only: derivative_name, n_derivatives
@@ -11,7 +11,7 @@ module tandem_simulate_figures
 
     public :: figure_reader_type, tell_figures
 
-    !> Reader of statistics: extend it.
+    !> Reader of statistics. Extend this type.
     type, abstract :: figure_reader_type
     contains
         procedure(count_interface), deferred :: count
@@ -24,7 +24,7 @@ module tandem_simulate_figures
             import :: figure_reader_type, long
             implicit none (type, external)
             class(figure_reader_type), intent(inout) :: self
-            !> Lower case except for B and H.
+            !> Name in lower case, except for B and H.
             character(len=*), intent(in) :: name
             integer(long), intent(in) :: number
         end subroutine count_interface
@@ -107,10 +107,10 @@ contains
         call reader%value('cpu_seconds', s%cpu_seconds)
     end subroutine tell_figures
 
-    !> Text as a name: blanks become underscores, bars vanish.
+    !> Convert a text to a name: blanks become underscores, vertical bars are removed.
     pure function as_name(words) result(name)
         character(len=*), intent(in) :: words
-        ! A deferred length would be static memory, shared by threads.
+        ! A deferred length would be static memory, which threads would share.
         character(len=len_trim(words)) :: name
         integer :: i, n
 

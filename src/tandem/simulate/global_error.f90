@@ -1,9 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> The error of a whole run, including the amplification of local errors by the motion, estimated from a second, more accurate run.
+!> Error of a whole run, including the amplification of local errors by the motion, estimated from a second, more accurate run.
 !>
-!> Watch the run as its observer, then call `estimate` with a second model. The second run has half the step, or a tenth of the
-!> tolerances; the difference of the two, over one less the ratio of their errors, is the error of the first (Richardson).
-!> Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section II.4.
+!> Observe the run with this observer, then call `estimate` with a second instance of the model. The second run has half the step
+!> size, or a tenth of the tolerances. The error of the first run is the difference between both runs divided by one minus the ratio
+!> of their errors (Richardson extrapolation). Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section
+!> II.4.
 module tandem_simulate_global_error
     use tandem_chart, only: chart_type
     use tandem_error, only: error_type, set_error, to_text
@@ -23,47 +24,48 @@ module tandem_simulate_global_error
 
     public :: global_error_type
 
-    !> Most times at which the runs are compared: at the first step behind each hundredth of the run, which costs the watched run
-    !> nothing, and at its end.
+    !> Largest number of times at which the runs are compared: at the end of the first step after each hundredth of the run, which
+    !> costs the observed run nothing, and at the end of the run.
     integer, parameter :: n_times = 102
-    !> The tolerances of the second run relative to the first, and their lower limit.
+    !> Tolerances of the second run relative to those of the first; smallest tolerance.
     real(wp), parameter :: part = 0.1_wp, smallest = 1.0e-15_wp
-    !> A largest step above this part of the run shows that the end of the run may have cut it.
-    real(wp), parameter :: few = 0.3_wp
+    !> If the largest step exceeds this fraction of the run, the end of the run may have shortened it.
+    real(wp), parameter :: cut_fraction = 0.3_wp
 
-    !> Watches a run, and compares a second one with it.
+    !> Observes a run and compares it with a second run.
     type, extends(observer_type) :: global_error_type
         !> Number of coordinates.
         integer :: n = 0
         !> True if the error was estimated.
         logical :: is_known = .false.
-        !> True if it was not, because the run and the second one together have taken `max_seconds`.
+        !> True if it was not estimated because both runs together reached `max_seconds`.
         logical :: is_out_of_time = .false.
-        !> True if it is only a bound: tolerances too small to be reduced, so the second run has larger ones.
+        !> True if the error is only a bound: the tolerances cannot be reduced, so that the second run has larger ones.
         logical :: is_bound = .false.
-        !> Errors of q and of qd at the end of the run, max-norms, and the coordinates that attain them.
+        !> Errors of q and qd at the end of the run in the maximum norm; coordinates with these errors.
         real(wp) :: error_q = 0.0_wp, error_qd = 0.0_wp
         integer :: worst_q = 1, worst_qd = 1
-        !> Error at the end, and the largest at all times compared and its time, on the scale s + |y|, max-norms over q and qd.
+        !> Error at the end of the run; largest error at all times compared, and its time. Maximum over q and qd, relative to scale
+        !> + |y|.
         real(wp) :: relative = 0.0_wp, largest = 0.0_wp, t_largest = 0.0_wp
-        !> Cost of the second run: evaluations of the right-hand side, and wall time, s.
+        !> Cost of the second run: evaluations of the right-hand side, and wall time (s).
         integer(long) :: right_hand_sides = 0
         real(wp) :: seconds = 0.0_wp
         real(wp), private :: t_start = 0.0_wp, t_end = 0.0_wp, due = 0.0_wp
-        !> Times (n_times), and q and qd there (n, 2, n_times), of the first run; their number.
+        !> Times of comparison (n_times), q and qd of the first run at these times (n, 2, n_times); number of times.
         real(wp), allocatable, private :: t(:), state(:, :, :)
-        !> Its longest step since the previous time (n_times), and the end of the last step.
+        !> Longest step of the first run since the previous time of comparison (n_times); end of its last step.
         real(wp), allocatable, private :: longest(:)
         real(wp), private :: t_last = 0.0_wp
         integer, private :: n_seen = 0, n_taken = 0
-        !> Effects of events on the first run: the second one does not watch them.
+        !> True if events have changed or stopped the first run, because the second run has no events.
         logical, private :: is_changed = .false., is_stopped = .false.
-        !> True if both runs could be evaluated at that time (n_times).
+        !> True if both runs could be evaluated at the time (n_times).
         logical, private :: is_there(n_times) = .true.
         integer(long), private :: work = 0
-        !> The first run's largest step, and its duration in seconds.
+        !> Largest step of the first run, and its duration (s).
         real(wp), private :: largest_step = 0.0_wp, seconds_of_first = 0.0_wp
-        !> The differences between the runs.
+        !> Differences between both runs.
         real(wp), allocatable, private :: difference(:, :, :)
         logical, private :: is_second = .false.
     contains
@@ -73,7 +75,7 @@ module tandem_simulate_global_error
 
 contains
 
-    !> Begin, before the run.
+    !> Begin, before the run starts.
     subroutine initialize(self, n, t_start, t_end)
         class(global_error_type), intent(inout) :: self
         !> Number of coordinates.
@@ -100,7 +102,7 @@ contains
         allocate (self%state(n, 2, n_times), self%difference(n, 2, n_times), source=0.0_wp)
     end subroutine initialize
 
-    !> Store the states at the times that the last step has passed.
+    !> Store the state if the last step has passed a time of comparison.
     subroutine observe(self, simulation, occasion, error)
         class(global_error_type), intent(inout) :: self
         class(simulation_type), intent(inout) :: simulation
@@ -125,12 +127,12 @@ contains
             k = min(self%n_seen + 1, n_times)
             self%longest(k) = max(self%longest(k), t_step - self%t_last)
             self%t_last = t_step
-            ! A run continued from its very end is not observed during its last step.
+            ! If a restored run continues at its very end, the observer is not called during its last step.
             is_missing = occasion == at_end .and. t_step >= self%t_end .and. self%t(max(1, self%n_seen)) < t_step
             if (.not. is_missing .and. (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end))) return
             statistics = simulation%statistics()
             self%work = statistics%right_hand_sides
-            ! The last entry is for the end.
+            ! The last entry is reserved for the end of the run.
             if (self%n_seen >= n_times - 1 .and. t_step < self%t_end) return
             hundredth = (self%t_end - self%t_start)/100.0_wp
             self%due = self%t_start + hundredth*(1.0_wp + aint((t_step - self%t_start)/hundredth + 1.0e-6_wp))
@@ -143,13 +145,13 @@ contains
             if (self%t(self%n_taken + 1) > t_step) exit
             call simulation%look_at(self%t(self%n_taken + 1), failure)
             call self%take(simulation%state%q, simulation%state%qd)
-            ! A failed evaluation at a time between steps does not end the run.
+            ! A failed evaluation between steps does not end the run.
             if (allocated(failure)) self%is_there(self%n_taken) = .false.
             call simulation%look_back()
         end do
     end subroutine observe
 
-    !> Store a state, or for the second run its difference.
+    !> Store a state of the first run, or a difference of the second run.
     subroutine take(self, q, qd)
         class(global_error_type), intent(inout) :: self
         real(wp), intent(in) :: q(:), qd(:)
@@ -166,16 +168,17 @@ contains
         end associate
     end subroutine take
 
-    !> Run a second time and compare.
+    !> Integrate the second run, and compare both runs.
     subroutine estimate(self, model, options, q, qd, error, chart, stepper, control)
         class(global_error_type), intent(inout) :: self
-        !> A model of its own, equal to that of the run as it was at the start.
+        !> Second instance of the model, equal to the model of the first run at its start.
         class(model_type), intent(inout), target :: model
         !> Options of the run.
         type(options_type), intent(in) :: options
-        !> The start of the run (n).
+        !> Start of the run (n).
         real(wp), intent(in) :: q(:), qd(:)
-        !> Reason for an unknown error: events changed or stopped the run, it did not reach its end, or the second one failed.
+        !> Reason for which the error is unknown: events changed or stopped the run, the run did not reach its end, or the second
+        !> run failed.
         type(error_type), allocatable, intent(out) :: error
         !> User-defined chart, stepper and step size controller of the run, if any.
         class(chart_type), intent(in), optional :: chart
@@ -211,8 +214,8 @@ contains
         call self%choose_second(first, method, second, of_step)
         ratio = of_step**method%order
         self%is_bound = ratio > 1.0_wp
-        ! Its work is bounded too: it should take two or three times that of the first. Both together take no longer than the first
-        ! alone may.
+        ! The work of the second run is bounded too; it should be two or three times that of the first run. Both runs together must
+        ! not take more time than is allowed for the first one.
         if (options%max_seconds > 0.0_wp) second%max_seconds = max(options%max_seconds - self%seconds_of_first, tiny(1.0_wp))
         second%max_steps = huge(1)
         second%max_evaluations = int(min(int(huge(1), long), 10000 + 20*self%work))
@@ -222,9 +225,9 @@ contains
         self%is_second = .true.
         self%n_taken = 0
         if (first%is_adaptive()) then
-            ! Its steps end at the times of comparison: the polynomial within a long step may be less accurate than either run. They
-            ! are shorter than those of the first run, even if no tolerance determines these: equal steps would show no difference.
-            ! Fixed steps of half the size satisfy both by themselves.
+            ! Steps of the second run end at the times of comparison, because dense output in long steps may be less accurate than
+            ! either run. They are also limited to less than the steps of the first run, even if tolerances do not determine them,
+            ! since equal steps would give no difference. Fixed steps of half the size satisfy both conditions.
             do k = 1, self%n_seen
                 call simulation%limit_steps(of_step*self%longest(k))
                 call simulation%integrate(self%t(k), error, self)
@@ -247,13 +250,13 @@ contains
         call self%evaluate(model)
     end subroutine estimate
 
-    !> The options of the second run.
+    !> Choose the options of the second run.
     subroutine choose_second(self, options, method, second, of_step)
         class(global_error_type), intent(in) :: self
         type(options_type), intent(in) :: options
         type(properties_type), intent(in) :: method
         type(options_type), intent(out) :: second
-        !> Size of its steps relative to those of the first run.
+        !> Ratio of its step sizes to those of the first run.
         real(wp), intent(out) :: of_step
         real(wp) :: factor
         logical :: is_short
@@ -261,12 +264,13 @@ contains
         second = options
         if (.not. options%is_adaptive()) then
             second%step = 0.5_wp*options%step
-            ! If the end has shortened the steps, half of their actual size: half of the allowed size could be as long.
+            ! If the end of the run has shortened the steps, use half of their actual size, since half of the allowed size could be
+            ! as long.
             if (self%largest_step > 0.0_wp) second%step = min(second%step, 0.5_wp*self%largest_step)
             of_step = 0.5_wp
             return
         end if
-        is_short = self%largest_step > few*(self%t_end - self%t_start)
+        is_short = self%largest_step > cut_fraction*(self%t_end - self%t_start)
         factor = part
         if (part*options%relative_tolerance() < smallest) factor = merge(1.0_wp, 1.0_wp/part, is_short)
         second%rtol = factor*options%rtol
@@ -275,14 +279,14 @@ contains
         if (allocated(second%rtol_qd)) second%rtol_qd = factor*second%rtol_qd
         if (allocated(second%atol_q)) second%atol_q = factor*second%atol_q
         if (allocated(second%atol_qd)) second%atol_qd = factor*second%atol_qd
-        ! A step is chosen by an estimate of order p^ + 1, and has an error per time of order p.
+        ! The step size follows from an error estimate of order p^ + 1, whereas the error per unit of time is of order p.
         of_step = factor**(1.0_wp/real(method%estimate_order + 1, wp))
         if (is_short) of_step = min(of_step, 0.7_wp)
-        ! Looser tolerances allow larger steps, up to any largest one.
+        ! Looser tolerances allow larger steps, up to any limit on the step size.
         if (of_step > 1.0_wp .and. options%max_step > 0.0_wp) second%max_step = of_step*options%max_step
     end subroutine choose_second
 
-    !> Observed data of the first run, so that it can watch a restored run. The end of the run may be another.
+    !> Pack the observed data of the first run, so that a restored run can be observed. The end of the run may be different.
     subroutine pack_state(self, pack)
         class(global_error_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -295,12 +299,12 @@ contains
         call pack%item(self%is_changed, self%is_stopped)
         call pack%item(self%work)
         if (.not. pack%is_reading) return
-        ! The last entry is for the end.
+        ! The last entry is reserved for the end of the run.
         self%n_seen = min(self%n_seen, n_times - 1)
         self%n_taken = self%n_seen
     end subroutine pack_state
 
-    !> Norms of the differences.
+    !> Evaluate the norms of the differences.
     subroutine evaluate(self, model)
         class(global_error_type), intent(inout) :: self
         class(model_type), intent(in) :: model

@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> The local errors of a run: the errors of single steps, the largest and their sum.
+!> Local errors of a run: the largest error of a single step, and the sum over all steps.
 !>
-!> Steppers with an estimate of their own provide it. For fixed steps of the others it comes from windows of four equal steps,
-!> without an evaluation: y_4 - y_0 less Boole's quadrature of the rates at the five points is the sum of the four local errors, up
-!> to the quadrature's own error of order h^7 and a part h J of itself (theory, section 20).
+!> Steppers with an error estimate provide these errors. For fixed steps of other steppers, windows of four equal steps give an
+!> estimate without additional evaluations: y_4 - y_0 minus Boole's quadrature of the rates at the five points is the sum of the
+!> four local errors. Its own errors are that of the quadrature, of order h^7, and a part h J of the estimate (theory, section 20).
 module tandem_simulate_local_error
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
@@ -13,57 +13,58 @@ module tandem_simulate_local_error
 
     public :: local_error_type, steps_of_window
 
-    !> Steps of a window, and 90/4 times Boole's weights for the ends of its steps and for its start.
+    !> Number of steps in a window; Boole's weights times 90/4 for the ends of its steps and for its start.
     integer, parameter :: steps_of_window = 4
     real(wp), parameter :: weight(steps_of_window) = [32.0_wp, 12.0_wp, 32.0_wp, 7.0_wp], first_weight = 7.0_wp
     real(wp), parameter :: quadrature = 22.5_wp
 
     type :: local_error_type
-        !> Largest error of a step, and sum of all, on the scale s + |y| of each coordinate and velocity, root mean square.
+        !> Largest error of a step, and sum over all steps: root mean square over coordinates and velocities, relative to scale +
+        !> |y|.
         real(wp) :: largest = 0.0_wp, total = 0.0_wp
-        !> Number of these steps.
+        !> Number of steps with an error estimate.
         integer(long) :: steps = 0
-        !> 1 / (s + |y|) for q and for qd, s the coordinate scales, for steppers with an estimate; for others the error of the last
-        !> window, or within a window its start plus the quadrature of the rates so far (n).
+        !> Steppers with an error estimate: 1/(scale + |y|) for q and qd (n). Other steppers: error of the last window, or within a
+        !> window its start plus the quadrature of the rates so far (n).
         real(wp), allocatable :: weight_q(:), weight_qd(:), error_q(:), error_qd(:)
-        !> The scales (n), unless all of them are 1.
+        !> Coordinate scales (n), if any of them is not 1.
         real(wp), allocatable, private :: scale(:)
-        !> Upper bound of |q| in relative errors (n), if there are angles.
+        !> Upper bounds of |q| in relative errors (n), if any coordinate is an angle.
         real(wp), allocatable, private :: largest_q(:)
-        !> 1 over the time scale: velocities have the scale rate s.
+        !> Reciprocal of the time scale: velocities have the scale rate*scale.
         real(wp), private :: rate = 1.0_wp
         integer, private :: n = 0
-        !> The start of the window, the size of its first step, and the end of its last step.
+        !> Start of the window, size of its first step, end of its last step.
         real(wp), private :: t0 = 0.0_wp, h = 0.0_wp, t_last = 0.0_wp
         integer, private :: in_window = 0
-        !> The gap of the velocity for which the last try of a step was rejected, and the largest gap that is not examined.
+        !> Velocity gap for which the last attempt of a step was rejected; largest gap that is accepted without examination.
         real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
-        !> True if the imposed part of the motion counts as an error; its error in the last try of a step beyond the tolerance and
-        !> the size of that try, 0 for none; the number of tries that did not reduce it.
+        !> True if the error of imposed motions counts. Excess of this error and size of the last attempt in which it exceeded the
+        !> tolerance, 0 if there is none; number of attempts that did not reduce it.
         logical, private :: counts_imposed = .false.
         real(wp), private :: last_imposed = 0.0_wp, imposed_step = 0.0_wp
-        integer, private :: in_vain = 0
-        !> The end of that try, and true while it belongs to an earlier step.
+        integer, private :: failures = 0
+        !> End of this attempt; true while it belongs to an earlier step.
         real(wp), private :: imposed_end = -huge(1.0_wp)
         logical, private :: is_of_earlier_step = .false.
     contains
         procedure :: initialize, set_weights, add, take_back, extend, restart, pack_state
-        procedure :: gap, jump, allow_gap, begin_step, find_gap, is_missed, largest_part, largest_parts, add_turn, size_of_window
-        procedure :: count_imposed, add_imposed
-        procedure, private :: largest_velocity, may_gap, scale_of, size_of_q
+        procedure :: gap, jump, allow_gap, begin_step, find_gap, is_missed, size_of_window
+        procedure :: largest_part, largest_parts, add_rotation, count_imposed, add_imposed
+        procedure, private :: largest_velocity, gap_is_possible, scale_of, size_of_q
     end type local_error_type
 
 contains
 
-    !> Begin anew with coordinate scales (n).
+    !> Begin a run with the given coordinate scales (n).
     pure subroutine initialize(self, scale, rate, has_estimates, largest_q)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:)
-        !> 1 over the time scale.
+        !> Reciprocal of the time scale.
         real(wp), intent(in) :: rate
-        !> True if `set_weights` will be called, and not `extend`.
+        !> True if the stepper has an error estimate: `set_weights` is called, and `extend` is not.
         logical, intent(in) :: has_estimates
-        !> Upper bound of each |q| in relative errors (n); no bound if absent.
+        !> Upper bound of each |q| in relative errors (n); unbounded by default.
         real(wp), intent(in), optional :: largest_q(:)
 
         self%largest = 0.0_wp
@@ -86,7 +87,7 @@ contains
         end if
     end subroutine initialize
 
-    !> The scale of a coordinate.
+    !> Scale of a coordinate.
     pure real(wp) function scale_of(self, i)
         class(local_error_type), intent(in) :: self
         integer, intent(in) :: i
@@ -95,11 +96,11 @@ contains
         if (allocated(self%scale)) scale_of = self%scale(i)
     end function scale_of
 
-    !> The size to which the error of a coordinate is relative.
+    !> Size to which the error of a coordinate is related.
     pure real(wp) function size_of_q(self, i, q)
         class(local_error_type), intent(in) :: self
         integer, intent(in) :: i
-        !> The coordinate.
+        !> Value of the coordinate.
         real(wp), intent(in) :: q
 
         size_of_q = abs(q)
@@ -107,7 +108,7 @@ contains
         size_of_q = self%scale_of(i) + size_of_q
     end function size_of_q
 
-    !> Make errors relative to a state.
+    !> Set the weights that relate errors to a state.
     pure subroutine set_weights(self, state)
         class(local_error_type), intent(inout) :: self
         type(state_type), intent(in) :: state
@@ -119,20 +120,20 @@ contains
         end do
     end subroutine set_weights
 
-    !> Add the errors of some steps.
+    !> Add the errors of several steps.
     pure subroutine add(self, total, steps)
         class(local_error_type), intent(inout) :: self
-        !> Their sum, relative.
+        !> Sum of the relative errors.
         real(wp), intent(in) :: total
         integer, intent(in) :: steps
 
-        ! No error is smaller than rounding.
+        ! Errors are at least rounding errors.
         self%total = self%total + max(total, steps*epsilon(1.0_wp))
         self%largest = max(self%largest, total/real(steps, wp), epsilon(1.0_wp))
         self%steps = self%steps + steps
     end subroutine add
 
-    !> Subtract the error of the last step, which was rejected, from the sum.
+    !> Subtract the error of a step that was rejected afterwards.
     pure subroutine take_back(self, total, steps)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: total
@@ -143,12 +144,12 @@ contains
         self%in_window = 0
     end subroutine take_back
 
-    !> Add a step to the window. A step that does not continue the last one, or has another size, begins a new window.
+    !> Add a step to the window. A step that does not continue the last step, or has another size, begins a new window.
     pure subroutine extend(self, start, arrived, is_complete)
         class(local_error_type), intent(inout) :: self
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
-        !> True if `error_q` and `error_qd` are now the sum of the errors of a window, for `add`.
+        !> True if a window is complete. `error_q` and `error_qd` then contain the sum of its errors, for `add`.
         logical, intent(out) :: is_complete
         real(wp) :: h, late
         integer :: i
@@ -168,7 +169,7 @@ contains
         is_complete = self%in_window == steps_of_window
         if (.not. is_complete) return
         self%in_window = 0
-        ! Rounding error of the times.
+        ! Rounding error of the time.
         late = (arrived%t - self%t0) - steps_of_window*self%h
         do i = 1, self%n
             self%error_q(i) = arrived%q(i) - self%error_q(i) - late*arrived%qd(i)
@@ -176,11 +177,12 @@ contains
         end do
     end subroutine extend
 
-    !> Difference between a step's change of velocity and its accelerations, on the scale s + |qd|. Increments contain the full
-    !> acceleration, so in a smooth motion the velocity constraints remove no more than the error of the step.
+    !> Velocity gap of a step: the difference between the change of velocity and the integral of the accelerations, relative to
+    !> scale + |qd|. Increments contain the full acceleration, so that in a smooth motion the projection onto the velocity
+    !> constraints removes no more than the error of the step.
     pure real(wp) function gap(self, start, arrived)
         class(local_error_type), intent(in) :: self
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
         integer :: i
 
@@ -191,23 +193,24 @@ contains
         end do
     end function gap
 
-    !> The part of `gap` that a smooth motion does not explain. The trapezoidal rule misses a change of dependent velocities by h**3
-    !> qdd''/12, which is a part of the step times the change of accelerations; errors of steps of higher order are negligible. Zero
-    !> if it does not exceed the largest one so far.
+    !> Part of the velocity gap that a smooth motion cannot cause. For dependent velocities, the error of the trapezoidal rule is
+    !> h**3 qdd''/12, which is a fraction of the step size times the change of accelerations; errors of steps of higher order are
+    !> negligible. The result is zero if it does not exceed the largest one so far.
     pure real(wp) function jump(self, start, arrived, order, so_far)
         class(local_error_type), intent(in) :: self
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
-        !> Of the method.
+        !> Order of the method.
         integer, intent(in) :: order
         real(wp), intent(in) :: so_far
-        !> Smaller gaps are ignored. From rest, qdd'' h**2/2 is the change of accelerations, and the part a sixth.
+        !> Size of gaps that are ignored; ratio of the allowed gap to the step size times the change of accelerations. From rest,
+        !> this change is qdd'' h**2/2, so that the ratio is a sixth.
         real(wp), parameter :: negligible = 1.0e-9_wp, share = 0.25_wp
         real(wp) :: bend
         integer :: i
 
         jump = 0.0_wp
-        if (.not. self%may_gap(start, arrived, max(so_far, negligible))) return
+        if (.not. self%gap_is_possible(start, arrived, max(so_far, negligible))) return
         jump = self%gap(start, arrived)
         if (order > 2) return
         bend = 0.0_wp
@@ -217,30 +220,30 @@ contains
         jump = max(0.0_wp, jump - share*(arrived%t - start%t)*bend)
     end function jump
 
-    !> True if `gap` may be larger than a limit. Usually it is not, and this test needs no division per entry.
-    pure logical function may_gap(self, start, arrived, limit)
+    !> True if the velocity gap may exceed a limit. This is rare, and the test requires no division per entry.
+    pure logical function gap_is_possible(self, start, arrived, limit)
         class(local_error_type), intent(in) :: self
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
         real(wp), intent(in) :: limit
 
-        may_gap = .false.
+        gap_is_possible = .false.
         if (.not. limit < huge(1.0_wp)) return
         if (allocated(self%scale)) then
-            may_gap = is_larger(self%n, 0.999_wp*limit, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd, self%scale)
+            gap_is_possible = is_larger(self%n, 0.999_wp*limit, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd, self%scale)
         else
-            may_gap = is_larger(self%n, 0.999_wp*limit, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd)
+            gap_is_possible = is_larger(self%n, 0.999_wp*limit, self%rate, start%qd, start%dqd, arrived%qd, arrived%dqd)
         end if
-    end function may_gap
+    end function gap_is_possible
 
     pure logical function is_larger(n, limit, rate, qd0, dqd0, qd, dqd, scale)
         integer, intent(in) :: n
         real(wp), intent(in) :: limit, rate, qd0(n), dqd0(n), qd(n), dqd(n)
-        !> 1 if absent.
+        !> Scales of the velocities; 1 by default.
         real(wp), intent(in), optional :: scale(n)
         integer :: count, i
 
-        ! Counted, so that the loops fill registers.
+        ! Counting lets the compiler vectorise the loops.
         count = 0
         if (present(scale)) then
             do i = 1, n
@@ -254,7 +257,7 @@ contains
         is_larger = count > 0
     end function is_larger
 
-    !> Examine gaps larger than this.
+    !> Set the largest gap that is accepted without examination.
     pure subroutine allow_gap(self, largest)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: largest
@@ -263,8 +266,8 @@ contains
         self%last_gap = huge(1.0_wp)
     end subroutine allow_gap
 
-    !> Begin the first try of a step from a time on. Steps that end before a jump, and so approach it, must not forget the tries
-    !> that crossed it: the approach would have no end.
+    !> Begin the first attempt of a step at time t. Attempts of earlier steps remain recorded until their end is passed. Otherwise
+    !> steps that end before a jump would approach it endlessly.
     pure subroutine begin_step(self, t)
         class(local_error_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -273,10 +276,10 @@ contains
         self%is_of_earlier_step = self%imposed_step > 0.0_wp .and. t < self%imposed_end
         if (self%is_of_earlier_step) return
         self%imposed_step = 0.0_wp
-        self%in_vain = 0
+        self%failures = 0
     end subroutine begin_step
 
-    !> Select if steps count the error of motions that constraints impose as functions of time.
+    !> Select whether the error of motions that constraints impose as functions of time counts.
     pure subroutine count_imposed(self, counts)
         class(local_error_type), intent(inout) :: self
         logical, intent(in) :: counts
@@ -285,51 +288,53 @@ contains
         call self%begin_step(huge(1.0_wp))
     end subroutine count_imposed
 
-    !> Add to the error of an implicit step the error of the motion that constraints impose: the difference between its change and
-    !> the increments. An estimate after the filter by the Newton matrix contains the chart's own coordinates only, of which a
-    !> mechanism that is driven as a whole has none, so that steps would grow until the iteration for u converges to another branch.
-    !> Increments contain the full velocity and acceleration: the contribution of the constraints falls with a power of the step. An
-    !> error that does not is due to a jump of nu or a contradiction of the model, and is accepted.
+    !> Add to the error of an implicit step the error of motions that constraints impose: the difference between the imposed change
+    !> and the increments. The filtered error estimate contains only the chart's own coordinates. A mechanism whose motion is
+    !> entirely imposed has none, so that steps would grow until the iteration for u converges to another branch. Increments contain
+    !> the full velocity and acceleration, so that the contribution of the constraints decreases with a power of the step size. An
+    !> error that does not decrease is due to a jump of nu or to a contradiction in the model, and is accepted.
     pure subroutine add_imposed(self, start, arrived, weight_q, weight_qd, power, norm)
         class(local_error_type), intent(inout) :: self
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
-        !> 1 / (atol + rtol |y|) for q and qd (n).
+        !> 1/(atol + rtol |y|) for q and qd (n).
         real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
-        !> The order of the step's error estimate over that of the step, both plus one.
+        !> Order of the error estimate plus one, divided by the order of the method plus one.
         real(wp), intent(in) :: power
-        !> The error of the step on the scale of the tolerances.
+        !> Error of the step relative to the tolerances.
         real(wp), intent(inout) :: norm
-        !> Tries that may fail to reduce the error. A smooth error falls faster than with this power of the step; from one step to
-        !> the next, where the motion may demand more, it does not stay above this part with a step below this part.
-        integer, parameter :: most_in_vain = 3
+        !> Number of attempts without a reduction of the error after which the error is accepted. A smooth error decreases faster
+        !> than with the power `slowest` of the step size. From one step to the next, in which the motion may be less smooth, it
+        !> does not remain above the fraction below in a step shorter by this fraction.
+        integer, parameter :: most_ineffective = 3
         real(wp), parameter :: slowest = 1.5_wp, constant = 0.9_wp
         real(wp) :: h, imposed
 
         if (.not. self%counts_imposed) return
-        imposed = max(largest_miss(self, start%q, start%dq, arrived%q, arrived%dq, weight_q), &
-            largest_miss(self, start%qd, start%dqd, arrived%qd, arrived%dqd, weight_qd))
+        imposed = max(largest_difference(self, start%q, start%dq, arrived%q, arrived%dq, weight_q), &
+            largest_difference(self, start%qd, start%dqd, arrived%qd, arrived%dqd, weight_qd))
         if (imposed > 1.0_wp) then
             h = arrived%t - start%t
             if (self%is_of_earlier_step) then
-                if (imposed > constant*self%last_imposed .and. h < constant*self%imposed_step) self%in_vain = self%in_vain + 1
+                if (imposed > constant*self%last_imposed .and. h < constant*self%imposed_step) self%failures = self%failures + 1
             else if (self%imposed_step > 0.0_wp) then
-                if (imposed > self%last_imposed*(h/self%imposed_step)**slowest) self%in_vain = self%in_vain + 1
+                if (imposed > self%last_imposed*(h/self%imposed_step)**slowest) self%failures = self%failures + 1
             end if
             self%is_of_earlier_step = .false.
             self%last_imposed = imposed
             self%imposed_step = h
             self%imposed_end = arrived%t
-            if (self%in_vain >= most_in_vain) return
+            if (self%failures >= most_ineffective) return
         end if
         norm = max(norm, imposed**power)
     end subroutine add_imposed
 
-    !> The largest weighted entry by which increments (d0, d) miss a change from y0 to y, apart from rounding.
-    pure real(wp) function largest_miss(self, y0, d0, y, d, weight)
+    !> Largest weighted difference between increments (d0, d) and a change from y0 to y, except for rounding.
+    pure real(wp) function largest_difference(self, y0, d0, y, d, weight)
         type(local_error_type), intent(in) :: self
         real(wp), intent(in), contiguous :: y0(:), d0(:), y(:), d(:), weight(:)
-        !> Part of the largest entry that may be rounding, which the constraints transfer to smaller ones.
+        !> Fraction of the largest entry below which differences may be rounding errors, which the constraints transfer to smaller
+        !> entries.
         real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp)
         real(wp) :: largest, miss
         integer :: i
@@ -338,28 +343,28 @@ contains
         do i = 1, self%n
             largest = max(largest, abs(y(i))/self%scale_of(i))
         end do
-        largest_miss = 0.0_wp
+        largest_difference = 0.0_wp
         do i = 1, self%n
             miss = abs((y(i) - y0(i)) - (d(i) - d0(i)))
-            if (miss > rounding*largest*self%scale_of(i)) largest_miss = max(largest_miss, miss*weight(i))
+            if (miss > rounding*largest*self%scale_of(i)) largest_difference = max(largest_difference, miss*weight(i))
         end do
-    end function largest_miss
+    end function largest_difference
 
-    !> True if a shorter step to the next state may leave a smaller gap of the velocity. If a chart becomes singular within a step,
-    !> the stages behind that point follow another branch, which no estimate of the error shows: rates of all stages are smooth. A
-    !> gap that does not fall with the step is a jump of nu, and is accepted.
+    !> True if a shorter step may reduce the velocity gap. If a chart becomes singular within a step, the stages beyond the singular
+    !> point follow another branch. The error estimate does not show this, because the rates of all stages are smooth. A gap that
+    !> does not decrease with the step size is a jump of nu, and is accepted.
     pure subroutine find_gap(self, start, arrived, is_found)
         class(local_error_type), intent(inout) :: self
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
         logical, intent(out) :: is_found
-        !> A gap below this part of the largest velocity may be rounding, which the constraints transfer to the smaller ones. Steps
-        !> of fewer spacings of the time than this are not shortened for it.
+        !> Fraction of the largest velocity below which a gap may be a rounding error, which the constraints transfer to smaller
+        !> velocities; smallest step, in spacings of the time, that is shortened because of a gap.
         real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp), shortest = 1.0e4_wp
         real(wp) :: gap
 
         is_found = .false.
-        if (.not. self%may_gap(start, arrived, self%allowed_gap)) return
+        if (.not. self%gap_is_possible(start, arrived, self%allowed_gap)) return
         gap = self%gap(start, arrived)
         is_found = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap .and. &
             arrived%t - start%t > shortest*spacing(abs(start%t))
@@ -367,7 +372,7 @@ contains
         if (is_found) self%last_gap = gap
     end subroutine find_gap
 
-    !> The largest velocity on the scales.
+    !> Largest velocity relative to the scales.
     pure real(wp) function largest_velocity(self, state)
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state
@@ -379,14 +384,14 @@ contains
         end do
     end function largest_velocity
 
-    !> True if the rates of a step miss its change by a part that a smooth motion does not leave to the constraints: unless steps
-    !> are coarse, a sign of procedures that contradict each other. Increments contain the full velocity and acceleration; with a
-    !> Jacobian that is not that of Phi, or a wrong gamma, they leave the manifold at once.
+    !> True if the rates of a step differ from its change by more than constraints of a smooth motion can cause. Unless steps are
+    !> coarse, this indicates contradictory procedures of the model: increments contain the full velocity and acceleration, and
+    !> leave the manifold at once if the Jacobian is not that of Phi or gamma is wrong.
     pure logical function is_missed(self, start, arrived)
         class(local_error_type), intent(in) :: self
-        !> The states at the ends of the step, on one chart.
+        !> States at the ends of the step, on one chart.
         type(state_type), intent(in) :: start, arrived
-        !> Parts of the change, and of the state, which is the rounding error of the change.
+        !> Allowed fraction of the change, and of the state, which bounds the rounding error of the change.
         real(wp), parameter :: share = 1.0e-4_wp, rounding = 1.0e-12_wp
         real(wp) :: moved, missed, moved_qd, missed_qd
         integer :: i
@@ -406,7 +411,7 @@ contains
         is_missed = missed > share*moved + rounding .or. missed_qd > share*moved_qd + rounding
     end function is_missed
 
-    !> The largest entry of errors of q and of qd (n), on the scale s + |y| of a state.
+    !> Largest error of q and qd (n) relative to scale + |y| of a state.
     pure real(wp) function largest_part(self, state, error_q, error_qd)
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state
@@ -417,7 +422,7 @@ contains
         largest_part = max(part_q, part_qd)
     end function largest_part
 
-    !> The largest entries of errors of q and of qd separately.
+    !> Largest errors of q and of qd separately.
     pure subroutine largest_parts(self, state, error_q, error_qd, part_q, part_qd)
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state
@@ -433,12 +438,13 @@ contains
         end do
     end subroutine largest_parts
 
-    !> Constraints turn velocities with errors of the position, as a wheel's velocity turns with its heading: add this to errors of
-    !> qd, as a part of the largest velocity per unit of the largest error, which may be one of a position alone.
-    pure subroutine add_turn(self, state, error_q, error_qd)
+    !> Add to the errors of qd the effect of position errors, since the constraints rotate velocities with the position, such as the
+    !> velocity of a wheel with its heading. The effect is the largest velocity times the largest relative error, which may be the
+    !> error of a single position.
+    pure subroutine add_rotation(self, state, error_q, error_qd)
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state
-        !> Moduli (n).
+        !> Absolute errors (n).
         real(wp), intent(in), contiguous :: error_q(:)
         real(wp), intent(inout), contiguous :: error_qd(:)
         real(wp), parameter :: share = 0.5_wp
@@ -454,9 +460,9 @@ contains
         do i = 1, self%n
             error_qd(i) = error_qd(i) + share*error*speed*self%scale_of(i)
         end do
-    end subroutine add_turn
+    end subroutine add_rotation
 
-    !> The error of a window on the scale s + |y| of a state, root mean square.
+    !> Root mean square of the errors of a window, relative to scale + |y| of a state.
     pure real(wp) function size_of_window(self, state)
         class(local_error_type), intent(in) :: self
         type(state_type), intent(in) :: state
@@ -470,16 +476,16 @@ contains
         size_of_window = sqrt(size_of_window/real(2*self%n, wp))
     end function size_of_window
 
-    !> Begin a new window, at a kink or a jump of the motion.
+    !> Begin a new window, because the motion has a kink or jump.
     pure subroutine restart(self)
         class(local_error_type), intent(inout) :: self
 
         self%in_window = 0
         self%imposed_step = 0.0_wp
-        self%in_vain = 0
+        self%failures = 0
     end subroutine restart
 
-    !> The errors so far and the current window.
+    !> Pack the errors so far and the current window.
     subroutine pack_state(self, pack)
         class(local_error_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -491,7 +497,7 @@ contains
         call pack%item(self%in_window)
         call pack%item(self%last_gap)
         call pack%item(self%last_imposed, self%imposed_step)
-        call pack%item(self%in_vain)
+        call pack%item(self%failures)
         call pack%item(self%imposed_end)
         call pack%item(self%is_of_earlier_step)
     end subroutine pack_state

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Messages of a simulation: errors with their time and the constraint at fault, and warnings.
+!> Messages of a simulation: errors with their time and the constraint concerned, and warnings.
 submodule(tandem_simulation) tandem_simulate_messages
     use tandem_model_consistency, only: find_contradiction
     use tandem_simulate_advice, only: advice_on_failure, anywhere
@@ -47,7 +47,7 @@ contains
     end procedure fail
 
     module procedure explain
-        !> Time of the search ahead.
+        !> Duration of the search beyond the last step.
         real(wp), parameter :: ahead = 1.0e-3_wp
 
         select case (error%stat)
@@ -58,7 +58,7 @@ contains
             if (self%tally%contradiction == '') call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, &
                 ahead, self%chart%counts, self%tally%contradiction)
         case (status_step_limit, status_work_limit)
-            ! Limits set by the user do not hide an earlier contradiction, which is reported.
+            ! Limits set by the user must not hide a contradiction found before.
         case default
             return
         end select
@@ -66,10 +66,10 @@ contains
             error%message(len(status_name(error%stat)) + 3:)
     end procedure explain
 
-    !> Look for procedures of the model that contradict each other, within the last step. The search ends at the first one found.
+    !> Search for contradictory procedures of the model within the last step, until one is found.
     module procedure compare_procedures
         if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
-        ! After a step to a breakpoint or to an event the model may have changed its segment.
+        ! After a step to a breakpoint or an event, the model may be in another segment.
         if (self%model%segment /= self%between%output%segment) return
         if (self%n_events > 0) then
             if (self%events(self%n_events)%t >= self%state%t) return
@@ -106,7 +106,7 @@ contains
         call add_warning(self%warnings, text, is_note)
     end procedure warn
 
-    !> The meaning of a status code, padded with blanks.
+    !> Meaning of a status code, padded with blanks.
     pure function meaning(stat) result(text)
         integer, intent(in) :: stat
         type(status_type) :: row

@@ -1,10 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> The consistent velocity nearest to a given one: minimise (qd - qd0)' K (qd - qd0) over the free entries subject to C qd = nu,
-!> with K the mass matrix or given weights. M may be singular: the weights determine directions without mass.
+!> Finds the consistent velocity nearest to a given one: minimises (qd - qd0)' K (qd - qd0) over the free entries subject to C qd =
+!> nu, where K is the mass matrix or a diagonal matrix of given weights. M may be singular: the weights then determine the
+!> velocities of directions without mass.
 !>
-!> Velocities here are y = (qd - qd0) / width with width = w^(-1/2). The shortest solution y_p of the constraints in that norm is
-!> followed by the step in their null space, y = y_p - Z (Z' K Z)^+ Z' K y_p, with the pseudo-inverse from eigenvalues. It is linear
-!> in the violation of each row, so that the parts of the rows add up to the move.
+!> The unknowns are y = (qd - qd0) / width with width = w^(-1/2). The solution y_p of least norm of the constraints is corrected in
+!> their null space: y = y_p - Z (Z'KZ)^+ Z'K y_p, where the pseudo-inverse is computed from eigenvalues. y is linear in the
+!> residuals of the rows, so that the contributions of the rows add up to the change of the velocities.
 module tandem_simulate_nearest_velocity
     use tandem_kinds, only: wp
     use tandem_linalg_orthogonal, only: orthogonal_type
@@ -21,9 +22,9 @@ module tandem_simulate_nearest_velocity
     public :: nearest_velocity_type
 
     type :: nearest_velocity_type
-        !> Part of each row in the move of each entry (m, n).
-        real(wp), allocatable :: pull(:, :)
-        !> After inconsistent_start: the row that is violated most, its residual, also on its natural scale.
+        !> Contribution of each row to the change of each entry of qd (m, n).
+        real(wp), allocatable :: contribution(:, :)
+        !> After inconsistent_start: the row with the largest violation, and its residual, also on its natural scale.
         integer :: failed_row = 0
         real(wp) :: failed_amount = 0.0_wp, failed_value = 0.0_wp
         integer, private :: m = 0
@@ -32,29 +33,29 @@ module tandem_simulate_nearest_velocity
         integer, allocatable, private :: free(:)
         real(wp), allocatable, private :: width(:), scale(:)
         real(wp), private :: tolerance = 0.0_wp
-        !> C diag(width) of the free entries with rows of unit length (m, free), and their lengths (m).
+        !> C diag(width) for the free entries, with rows of unit length (m, free entries), and the lengths (m).
         real(wp), allocatable, private :: a(:, :), length(:)
         type(orthogonal_type), private :: rows
-        !> Z (free, free - rank), (Z'KZ)^+ and Z'K (free - rank, free).
+        !> Z (free entries, free entries - rank), (Z'KZ)^+ and Z'K (free entries - rank, free entries).
         real(wp), allocatable, private :: z(:, :), inverse(:, :), coupling(:, :)
     contains
         procedure :: initialize, find
-        procedure, private :: factor, factor_mass, respond
+        procedure, private :: factor, factor_mass, solve
     end type nearest_velocity_type
 
 contains
 
-    !> Allocate for a problem.
+    !> Allocate the work space.
     subroutine initialize(self, m, is_fixed, weight, scale, by_mass, tolerance)
         class(nearest_velocity_type), intent(inout) :: self
         !> Number of constraints.
         integer, intent(in) :: m
-        !> True for entries that are fixed (n); weights > 0 and typical magnitudes of the coordinates (n).
+        !> True for fixed entries (n); positive weights and typical magnitudes of the coordinates (n).
         logical, intent(in) :: is_fixed(:)
         real(wp), intent(in) :: weight(:), scale(:)
-        !> True for the metric of the masses.
+        !> True for the mass matrix, false for the weights.
         logical, intent(in) :: by_mass
-        !> Largest violation of a satisfied constraint, on the natural scale.
+        !> Largest residual of a satisfied constraint, on its natural scale.
         real(wp), intent(in) :: tolerance
         integer :: j
 
@@ -67,12 +68,12 @@ contains
         self%length = spread(0.0_wp, 1, m)
         if (allocated(self%a)) deallocate (self%a)
         allocate (self%a(m, size(self%free)), source=0.0_wp)
-        if (allocated(self%pull)) deallocate (self%pull)
-        allocate (self%pull(m, size(scale)), source=0.0_wp)
+        if (allocated(self%contribution)) deallocate (self%contribution)
+        allocate (self%contribution(m, size(scale)), source=0.0_wp)
     end subroutine initialize
 
-    !> qd := the nearest consistent velocity at (t, q); a consistent one is unchanged bitwise. Statuses: inconsistent_start,
-    !> callback_failed, not_evaluable, not_finite; with each of them qd is unchanged.
+    !> Replace qd by the nearest consistent velocity at (t, q). A consistent qd is not changed, not even by rounding. Statuses:
+    !> inconsistent_start, callback_failed, not_evaluable, not_finite; qd is then unchanged.
     subroutine find(self, model, t, q, qd, counts, stat)
         class(nearest_velocity_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
@@ -82,12 +83,12 @@ contains
         type(counts_type), intent(inout) :: counts
         !> A status code.
         integer, intent(out) :: stat
-        real(wp) :: violation(self%m), y(size(self%free)), share(self%m), moved(size(qd))
+        real(wp) :: violation(self%m), y(size(self%free)), residual(self%m), corrected(size(qd))
         integer :: i
 
         stat = status_ok
         if (self%m == 0) return
-        ! None of them depends on the velocity; q is passed in its place.
+        ! Neither term depends on the velocity; q is passed in its place.
         call model%evaluate(need_jacobian + need_nu, t, q, q, counts, stat)
         if (stat /= status_ok) return
         associate (c => model%terms%jacobian, nu => model%terms%nu)
@@ -96,28 +97,28 @@ contains
                 model%failed_term = merge('jacobian    ', 'nu          ', .not. all(ieee_is_finite(c)))
                 return
             end if
-            moved = qd
-            call velocity_errors(nu, c, moved, self%scale, self%failed_value, self%failed_row)
+            corrected = qd
+            call velocity_errors(nu, c, corrected, self%scale, self%failed_value, self%failed_row)
             if (self%failed_value <= self%tolerance) return
             call self%factor(c)
             if (self%by_mass) call self%factor_mass(model, t, q, counts, stat)
             if (stat /= status_ok) return
-            violation = nu - matmul(c, moved)
+            violation = nu - matmul(c, corrected)
             do i = 1, self%m
-                share = 0.0_wp
-                share(i) = violation(i)/self%length(i)
-                call self%respond(share, y)
-                self%pull(i, self%free) = self%width*y
+                residual = 0.0_wp
+                residual(i) = violation(i)/self%length(i)
+                call self%solve(residual, y)
+                self%contribution(i, self%free) = self%width*y
             end do
-            ! The second pass removes the rounding error of the first.
+            ! Correct twice: the second correction removes the rounding errors of the first.
             do i = 1, 2
-                call self%respond(violation/self%length, y)
-                moved(self%free) = moved(self%free) + self%width*y
-                violation = nu - matmul(c, moved)
+                call self%solve(violation/self%length, y)
+                corrected(self%free) = corrected(self%free) + self%width*y
+                violation = nu - matmul(c, corrected)
             end do
-            call velocity_errors(nu, c, moved, self%scale, self%failed_value, self%failed_row)
+            call velocity_errors(nu, c, corrected, self%scale, self%failed_value, self%failed_row)
             if (self%failed_value <= self%tolerance) then
-                qd = moved
+                qd = corrected
             else
                 self%failed_amount = abs(violation(self%failed_row))
                 stat = status_inconsistent_start
@@ -125,7 +126,7 @@ contains
         end associate
     end subroutine find
 
-    !> Rows of unit length in the weighted norm, and the null space.
+    !> Factor the rows in the weighted norm, each scaled to unit length.
     subroutine factor(self, jacobian)
         class(nearest_velocity_type), intent(inout) :: self
         real(wp), intent(in) :: jacobian(:, :)
@@ -142,14 +143,14 @@ contains
         call self%rows%factor(self%a)
     end subroutine factor
 
-    !> (Z'KZ)^+ and Z'K for K = diag(width) M diag(width).
+    !> Set (Z'KZ)^+ and Z'K for K = diag(width) M diag(width).
     subroutine factor_mass(self, model, t, q, counts, stat)
         class(nearest_velocity_type), intent(inout) :: self
         type(evaluator_type), intent(inout) :: model
         real(wp), intent(in) :: t, q(:)
         type(counts_type), intent(inout) :: counts
         integer, intent(out) :: stat
-        !> Eigenvalues of a singular M are rounding, some eps of the largest one.
+        !> Limit, relative to the largest eigenvalue, below which eigenvalues of a singular M are rounding errors.
         real(wp), parameter :: smallest = 1.0e-13_wp
         real(wp), allocatable :: vectors(:, :), values(:), mass(:, :), kept(:)
         integer :: j
@@ -179,13 +180,13 @@ contains
         self%inverse = matmul(self%inverse, transpose(vectors))
     end subroutine factor_mass
 
-    !> The move y (free) that removes a violation of the rows, on the scale of their lengths (m).
-    subroutine respond(self, violation, y)
+    !> Change y of the free entries that removes given residuals, each divided by the length of its row (m).
+    subroutine solve(self, violation, y)
         class(nearest_velocity_type), intent(in) :: self
         real(wp), intent(in) :: violation(:)
         real(wp), intent(out) :: y(:)
 
         call self%rows%solve(violation, y)
         if (self%by_mass) y = y - matmul(self%z, matmul(self%inverse, matmul(self%coupling, y)))
-    end subroutine respond
+    end subroutine solve
 end module tandem_simulate_nearest_velocity

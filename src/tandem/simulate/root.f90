@@ -1,8 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Zeros and minima of a function of one variable that is given point by point: the caller evaluates at the points computed here.
+!> Zeros and minima of functions of one variable, by reverse communication: the caller evaluates the function at the points that are
+!> returned here.
 !>
-!> Zeros: regula falsi with the Illinois weights, with a bisection whenever the bracket has not halved in two steps, so that the
-!> number of points is bounded. Minima: parabolas through the best three points, golden sections if those do not help.
+!> Zeros: regula falsi with Illinois weights, and a bisection whenever two steps have not halved the bracket, so that the number of
+!> points is bounded. Minima: parabolas through the best three points, and golden section steps if these make no progress.
 !> Sources: M. Dowell, P. Jarratt, BIT 11 (1971) 168-174; R. P. Brent, Algorithms for Minimization Without Derivatives,
 !> Prentice-Hall 1973, chapter 5.
 module tandem_simulate_root
@@ -12,9 +13,9 @@ module tandem_simulate_root
 
     public :: bracket_type, minimum_type, sign_of, vertex, zeros_type
 
-    !> A sign change between a and b.
+    !> Bracket of a sign change between a and b.
     type :: bracket_type
-        !> Ends and values there, of opposite signs.
+        !> Ends, and the values there, which have opposite signs.
         real(wp) :: a = 0.0_wp, b = 0.0_wp, value_a = 0.0_wp, value_b = 0.0_wp
         real(wp), private :: weight_a = 1.0_wp, weight_b = 1.0_wp, last_width = huge(1.0_wp)
         integer, private :: slow = 0, last_end = 0
@@ -22,15 +23,15 @@ module tandem_simulate_root
         procedure :: next_point => next_secant, narrow => narrow_bracket
     end type bracket_type
 
-    !> A minimum between a and b, and the best point so far.
+    !> Interval from a to b that contains a minimum, and the best point so far.
     type :: minimum_type
         !> Ends of the interval.
         real(wp) :: a = 0.0_wp, b = 0.0_wp
         !> The best point and its value.
         real(wp) :: x = 0.0_wp, value = huge(1.0_wp)
-        !> The value there of the parabola through the best three points; huge if there is none.
+        !> Minimum of the parabola through the best three points; huge if there is none.
         real(wp) :: expected = huge(1.0_wp)
-        !> Number of points so far.
+        !> Number of points evaluated so far.
         integer :: n_points = 0
         real(wp), private :: second = 0.0_wp, value_second = huge(1.0_wp), third = 0.0_wp, value_third = huge(1.0_wp)
         real(wp), private :: move = 0.0_wp, move_before = 0.0_wp
@@ -42,28 +43,28 @@ module tandem_simulate_root
     type :: zeros_type
         !> Number of zeros, at most the allocated size.
         integer :: n = 0
-        !> Position in the step, number of the function, direction (+1 rising, -1 falling, 0 neither).
-        real(wp), allocatable :: place(:)
+        !> Positions in the step, indices of the functions, and directions (+1 rising, -1 falling, 0 neither).
+        real(wp), allocatable :: position(:)
         integer, allocatable :: number(:), direction(:)
     contains
         procedure :: allocate => allocate_zeros, add
     end type zeros_type
 
-    !> Golden section, and the tolerance of a minimum's position: a finer one is lost in rounding.
+    !> Golden section; position tolerance of a minimum, below which rounding errors dominate.
     real(wp), parameter :: golden = 0.381966011250105_wp, finest = 1.0e-9_wp
 
 contains
 
-    !> The sign of a value: -1, 0 or 1.
+    !> Sign of a value: -1, 0 or 1.
     pure integer function sign_of(value, smallest)
         real(wp), intent(in) :: value
-        !> Largest modulus that counts as zero.
+        !> Largest absolute value that counts as zero.
         real(wp), intent(in) :: smallest
 
         sign_of = merge(0, merge(1, -1, value > 0.0_wp), abs(value) <= smallest)
     end function sign_of
 
-    !> The next point of evaluation.
+    !> Next point of evaluation.
     real(wp) function next_secant(self)
         class(bracket_type), intent(inout) :: self
         real(wp) :: width, value_a, value_b
@@ -78,10 +79,10 @@ contains
         end if
         value_a = self%weight_a*self%value_a
         value_b = self%weight_b*self%value_b
-        ! Infinite or equal values: use the middle.
+        ! Bisect if values are infinite or equal.
         if (.not. abs(value_b - value_a) > 0.0_wp .or. .not. abs(value_b - value_a) <= huge(1.0_wp)) return
         next_secant = self%a - width*(value_a/(value_b - value_a))
-        ! At an end the bracket would not narrow.
+        ! Keep the point away from the ends, where the bracket would not shrink.
         next_secant = min(max(next_secant, self%a + 1.0e-3_wp*width), self%b - 1.0e-3_wp*width)
     end function next_secant
 
@@ -91,7 +92,7 @@ contains
         !> The point and its value.
         real(wp), intent(in) :: x, value
 
-        ! The value of an end that stays twice is halved.
+        ! Halve the value at an end that is retained twice.
         if ((value > 0.0_wp) .eqv. (self%value_b > 0.0_wp)) then
             self%b = x
             self%value_b = value
@@ -107,7 +108,7 @@ contains
         end if
     end subroutine narrow_bracket
 
-    !> Begin with an interval and a first point in it, which is to be given by `narrow`.
+    !> Begin with an interval and a first point in it. The caller passes its value to `narrow`.
     subroutine begin(self, a, b)
         class(minimum_type), intent(out) :: self
         !> Ends of the interval.
@@ -120,7 +121,7 @@ contains
         self%third = a
     end subroutine begin
 
-    !> The next point of evaluation (Brent, section 5.8).
+    !> Next point of evaluation (Brent, section 5.8).
     real(wp) function next_of_minimum(self)
         class(minimum_type), intent(inout) :: self
         real(wp) :: middle, r, q, p, move, s1, s2, bend
@@ -143,7 +144,7 @@ contains
                 bend = (s2 - s1)/(self%third - self%second)
                 self%expected = self%value + move*(s1 + bend*(move - (self%second - self%x)))
                 next_of_minimum = self%x + move
-                ! Not at the ends, and not twice at one point.
+                ! Avoid the ends of the interval and repeated points.
                 if (next_of_minimum - self%a < 2*finest .or. self%b - next_of_minimum < 2*finest) then
                     self%move = sign(finest, middle - self%x)
                 end if
@@ -158,7 +159,7 @@ contains
         next_of_minimum = self%x + self%move
     end function next_of_minimum
 
-    !> Take a point between the ends.
+    !> Narrow the interval by a point between its ends.
     subroutine narrow_minimum(self, x, value)
         class(minimum_type), intent(inout) :: self
         !> The point and its value.
@@ -199,22 +200,22 @@ contains
         width = max(self%x - self%a, self%b - self%x)
     end function width
 
-    !> The extremum of the parabola through three points, and its position, which may lie outside; the middle point if the three lie
-    !> on a line.
-    pure subroutine vertex(x, value, place, extreme)
-        !> Three ascending positions and the values there.
+    !> Extremum of the parabola through three points and its position, which may lie outside of them; the middle point if all three
+    !> lie on a line.
+    pure subroutine vertex(x, value, position, extreme)
+        !> Three increasing positions and the values there.
         real(wp), intent(in) :: x(3), value(3)
-        real(wp), intent(out) :: place, extreme
+        real(wp), intent(out) :: position, extreme
         real(wp) :: slope1, slope2, bend
 
-        place = x(2)
+        position = x(2)
         extreme = value(2)
         slope1 = (value(2) - value(1))/(x(2) - x(1))
         slope2 = (value(3) - value(2))/(x(3) - x(2))
         bend = (slope2 - slope1)/(x(3) - x(1))
         if (.not. abs(bend) > 0.0_wp) return
-        place = 0.5_wp*(x(1) + x(2)) - 0.5_wp*slope1/bend
-        extreme = value(1) + (place - x(1))*(slope1 + bend*(place - x(2)))
+        position = 0.5_wp*(x(1) + x(2)) - 0.5_wp*slope1/bend
+        extreme = value(1) + (position - x(1))*(slope1 + bend*(position - x(2)))
     end subroutine vertex
 
     !> Allocate for a number of zeros.
@@ -222,29 +223,29 @@ contains
         class(zeros_type), intent(inout) :: self
         integer, intent(in) :: most
 
-        self%place = spread(0.0_wp, 1, most)
+        self%position = spread(0.0_wp, 1, most)
         self%number = spread(0, 1, most)
         self%direction = self%number
         self%n = 0
     end subroutine allocate_zeros
 
-    !> Insert a zero in the order of positions; it is dropped if the list is full.
-    pure subroutine add(self, number, place, direction)
+    !> Insert a zero in the order of positions. It is omitted if the list is full.
+    pure subroutine add(self, number, position, direction)
         class(zeros_type), intent(inout) :: self
         integer, intent(in) :: number, direction
-        real(wp), intent(in) :: place
+        real(wp), intent(in) :: position
         integer :: k
 
-        if (self%n == size(self%place)) return
+        if (self%n == size(self%position)) return
         k = self%n
         do while (k > 0)
-            if (self%place(k) <= place) exit
-            self%place(k + 1) = self%place(k)
+            if (self%position(k) <= position) exit
+            self%position(k + 1) = self%position(k)
             self%number(k + 1) = self%number(k)
             self%direction(k + 1) = self%direction(k)
             k = k - 1
         end do
-        self%place(k + 1) = place
+        self%position(k + 1) = position
         self%number(k + 1) = number
         self%direction(k + 1) = direction
         self%n = self%n + 1

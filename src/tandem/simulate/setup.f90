@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The set-up of a simulation: the request is checked, results of an earlier run are cleared, work space is allocated.
+!> Set-up of a simulation: checks the request, clears the results of an earlier run, and allocates work space.
 submodule(tandem_simulation) tandem_simulate_setup
     use tandem_model_terms, only: need_nu
     use tandem_model_segment, only: find_segment
@@ -11,7 +11,7 @@ contains
         self%is_ready = .false.
         call check_input(model, options, t, q, qd, error)
         if (allocated(error)) return
-        call forget_run(self)
+        call clear_run(self)
         self%model => model
         self%options = options
         if (present(stepper)) then
@@ -46,7 +46,7 @@ contains
         end if
         call find_segment(model, t, error)
         if (allocated(error)) return
-        ! In place: copies would fragment the memory.
+        ! Set in place, because copies would fragment the memory.
         call self%state%begin(t, q, qd)
         call model%arrive(t, self%state%q, .true.)
         call model%set_time_scale(t, self%state%q, self%state%qd)
@@ -78,7 +78,7 @@ contains
         end if
     end procedure allocate_stepper
 
-    !> Refuse a model, options or a start that are invalid for any run.
+    !> Refuse a model, options or a start that is invalid for any run.
     subroutine check_input(model, options, t, q, qd, error)
         class(model_type), intent(inout) :: model
         type(options_type), intent(in) :: options
@@ -129,7 +129,7 @@ contains
     end subroutine check_method
 
     !> Clear the results of an earlier run.
-    subroutine forget_run(self)
+    subroutine clear_run(self)
         class(simulation_type), intent(inout) :: self
 
         self%tally = statistics_type()
@@ -160,16 +160,17 @@ contains
         if (allocated(self%own%stepper)) deallocate (self%own%stepper)
         if (allocated(self%control)) deallocate (self%control)
         if (allocated(self%events)) deallocate (self%events)
-    end subroutine forget_run
+    end subroutine clear_run
 
     module procedure watch_constraints
-        ! The gap of implicit steps also contains the remainder of Newton's iterations, which shorter steps do not reduce.
+        ! The velocity gap of implicit steps also contains the remaining error of Newton's iterations, which shorter steps do not
+        ! reduce.
         call self%local_error%allow_gap(merge(huge(1.0_wp), warning_limit(self%options), self%method%implicit))
-        ! Motions are imposed where constraints depend on time.
+        ! Constraints that depend on time impose motions.
         call self%local_error%count_imposed(self%method%implicit .and. iand(self%model%has_terms(), need_nu) /= 0)
     end procedure watch_constraints
 
-    !> States, and work space of estimates, controls and steps.
+    !> Allocate states, and the work space of estimates, controllers and steps.
     subroutine allocate_work(self, scale, time_scale)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: scale(:), time_scale

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The start of a simulation: consistency, redundant rows, integrable nonholonomic rows. Small errors are corrected.
+!> Start of a simulation: checks consistency, corrects small errors, and treats redundant rows and integrable nonholonomic rows.
 submodule(tandem_simulation) tandem_simulate_start
     use tandem_status, only: status_inconsistent_rows
     use tandem_model_integrability, only: find_integrable_rows
@@ -14,7 +14,7 @@ contains
     module procedure accept_start
         integer :: rows(3), stat, i
 
-        ! These arrays are free here and hold copies of the start.
+        ! These arrays are not in use yet; store the start in them.
         self%next%dq(:) = self%state%q
         self%next%dqd(:) = self%state%qd
         call begin_chart(self, stat)
@@ -23,7 +23,7 @@ contains
             if (allocated(error)) return
         end if
         if (self%is_sparse .and. stat == status_rank_deficient) then
-            call leave_out_rows(self, stat, error)
+            call omit_redundant_rows(self, stat, error)
             if (allocated(error)) return
         end if
         if (self%is_sparse .and. any(stat == [status_rank_deficient, status_singular_mass])) then
@@ -69,10 +69,10 @@ contains
             return
         end if
         call self%measure_errors(error)
-        if (.not. allocated(error)) call look_for_integrable_rows(self)
+        if (.not. allocated(error)) call warn_of_integrable_rows(self)
     end procedure accept_start
 
-    !> Change to a sparse chart if redundant rows make the dense one more expensive.
+    !> Change to a sparse chart if redundant rows make the dense chart more expensive.
     subroutine enter_sparse(self, stat, error)
         class(simulation_type), intent(inout) :: self
         !> Status of the chart at the start.
@@ -86,21 +86,21 @@ contains
         if (.not. allocated(error)) call begin_chart(self, stat)
     end subroutine enter_sparse
 
-    !> Let a sparse chart leave out redundant rows, and report them.
-    subroutine leave_out_rows(self, stat, error)
+    !> Let a sparse chart omit redundant rows, and report them.
+    subroutine omit_redundant_rows(self, stat, error)
         class(simulation_type), intent(inout) :: self
         !> ok, or the reason for which a dense chart is required.
         integer, intent(out) :: stat
         type(error_type), allocatable, intent(out) :: error
         integer, allocatable :: partners(:), first(:)
         integer :: i, level, row
-        !> Largest number of rows reported with their partners, and of coordinates for which a dense chart is affordable.
-        integer, parameter :: most_told = 100, most_dense = 300
+        !> Largest number of rows that are reported with the rows they depend on; largest number of coordinates for a dense chart.
+        integer, parameter :: most_reported = 100, most_dense = 300
 
         associate (state => self%state, model => self%model)
             call self%chart%leave_out_dependent(state%t, state%q, state%qd, stat)
             if (stat /= status_ok) return
-            call compare_left_out(self, row, level)
+            call compare_omitted(self, row, level)
             if (row > 0 .and. may_leave_sparse(self) .and. model%n <= most_dense) then
                 ! A dense chart finds all rows that are concerned.
                 stat = status_rank_deficient
@@ -111,26 +111,26 @@ contains
                 return
             end if
             self%n_redundant = self%chart%n_dropped
-            call self%chart%find_partners(self%chart%left_out(:min(self%n_redundant, most_told)), first, partners)
-            do i = 1, min(self%n_redundant, most_told)
+            call self%chart%find_partners(self%chart%left_out(:min(self%n_redundant, most_reported)), first, partners)
+            do i = 1, min(self%n_redundant, most_reported)
                 associate (dropped => self%chart%left_out(i))
                     call self%warn('the constraint "'//model%row_name(dropped)//'" repeats'// &
                         trim(self%with_rows(partners(first(i):first(i + 1) - 1), dropped, ' '))// &
                         ' and was left out; the multipliers are those of least norm', is_note=.true.)
                 end associate
             end do
-            if (self%n_redundant > most_told) call self%warn(to_text(self%n_redundant - most_told)// &
+            if (self%n_redundant > most_reported) call self%warn(to_text(self%n_redundant - most_reported)// &
                 ' further constraints are redundant and were left out', is_note=.true.)
         end associate
-    end subroutine leave_out_rows
+    end subroutine omit_redundant_rows
 
-    !> A row that was left out, but contradicts the others at the start or does not depend on them beside it. Points with the other
-    !> rows satisfied must satisfy it as well.
-    subroutine compare_left_out(self, row, level)
+    !> Find an omitted row that contradicts the others at the start, or does not depend on them at points nearby. It must be
+    !> satisfied at points that satisfy the other rows.
+    subroutine compare_omitted(self, row, level)
         class(simulation_type), intent(inout) :: self
-        !> 0 if there is none; the level of the contradiction, 0 if the row does not depend on the others beside the start.
+        !> Row, 0 if there is none; level of the contradiction, 0 if the row depends on the others at the start only.
         integer, intent(out) :: row, level
-        !> Distance of the points, in coordinate scales, and the largest errors of a row at the start: gamma may come from
+        !> Distance of the points in coordinate scales; largest errors of a row at the three levels. gamma may be computed by
         !> differences.
         real(wp), parameter :: distance = 1.0e-3_wp, largest_error(3) = [1.0e-9_wp, 1.0e-9_wp, 1.0e-6_wp]
         integer, parameter :: n_points = 3
@@ -143,7 +143,7 @@ contains
             do k = 0, n_points
                 row = 0
                 level = 1
-                ! First the start itself, then points in directions without preference.
+                ! First the start itself, then points in arbitrary directions.
                 state%dq(:) = 0.0_wp
                 if (k > 0) state%dq(:) = distance*scale*[(sin(real(k + i*(k + 1), wp)), i=1, size(scale))]
                 state%dqd(:) = 0.0_wp
@@ -172,9 +172,9 @@ contains
             state%dqd(:) = 0.0_wp
             if (row > 0 .and. all(chart%left_out /= row)) row = 0
         end associate
-    end subroutine compare_left_out
+    end subroutine compare_omitted
 
-    !> A dependent row contradicts the others, or depends on them only at the start (level 0).
+    !> Report a dependent row that contradicts the others, or that depends on them only at the start (level 0).
     subroutine report_row(self, row, level, error)
         class(simulation_type), intent(inout) :: self
         integer, intent(in) :: row, level
@@ -193,15 +193,15 @@ contains
         call self%fail(status_rank_deficient, beside_start, error, before_steps)
     end subroutine report_row
 
-    !> True if a dense chart may replace the sparse one: the user has chosen neither.
+    !> True if a dense chart may replace the sparse one, because the user has specified neither.
     pure logical function may_leave_sparse(self)
         class(simulation_type), intent(in) :: self
 
         may_leave_sparse = self%options%chart_kind == chart_kinds(1) .and. .not. allocated(self%own%chart)
     end function may_leave_sparse
 
-    !> Coordinates without mass that no row determines, and redundant rows that the sparse chart cannot separate, are examined by
-    !> the dense chart: use it unless the user has chosen the sparse one.
+    !> Change to the dense chart, unless the user has specified the sparse one. The dense chart can analyse coordinates without mass
+    !> that no row determines, and redundant rows that the sparse chart cannot separate.
     subroutine leave_sparse(self, stat, error)
         class(simulation_type), intent(inout) :: self
         !> Status of the sparse chart at the start.
@@ -226,7 +226,7 @@ contains
         call self%chart%attach(self%model, self%options, self%method%implicit, self%method%damps, error)
     end subroutine leave_sparse
 
-    !> Make a chart of all rows at the start.
+    !> Construct a chart with all rows at the start.
     subroutine begin_chart(self, stat)
         class(simulation_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -240,7 +240,7 @@ contains
         has_surplus_rows = .not. self%is_sparse .and. self%model%n_constraints() > self%model%n
     end procedure has_surplus_rows
 
-    !> The constraint errors of the start.
+    !> Evaluate the constraint errors of the start.
     subroutine measure(self, rows, stat)
         class(simulation_type), intent(inout) :: self
         integer, intent(out) :: rows(3), stat
@@ -250,7 +250,7 @@ contains
         end associate
     end subroutine measure
 
-    !> Rows that depend on each other on the manifold do so only up to the error of the start.
+    !> True if rows may be dependent on the manifold, since errors of the start can hide this.
     logical function may_hide_redundancy(self)
         class(simulation_type), intent(in) :: self
 
@@ -258,7 +258,7 @@ contains
             self%chart%independence <= 1.0e3_wp*self%errors(1)
     end function may_hide_redundancy
 
-    !> Bring the start onto the constraints by the chart's operations for points beside the manifold.
+    !> Move the start onto the constraints by operations of the chart for points off the manifold.
     subroutine remove_errors(self, stat)
         class(simulation_type), intent(inout) :: self
         integer, intent(out) :: stat
@@ -273,7 +273,7 @@ contains
         end associate
     end subroutine remove_errors
 
-    !> Find redundant rows and make a chart without them; the start is then on all rows.
+    !> Find redundant rows and construct a chart without them. The start then satisfies all rows.
     subroutine drop_redundant_rows(self, is_deficient, error)
         class(simulation_type), intent(inout) :: self
         !> True if a chart with all rows is impossible.
@@ -311,7 +311,7 @@ contains
                 call self%fail(stat, 'at the start', error, before_steps)
                 return
             end if
-            ! A larger error than the tolerance is not corrected silently: the start is refused with the remaining rows.
+            ! An error above the tolerance is not corrected silently; the start is refused with the remaining rows.
             if (redundancy%error <= options%start_tolerance) state%q = redundancy%q
             if (size(redundancy%dropped) == 0) return
             self%n_redundant = size(redundancy%dropped)
@@ -327,7 +327,7 @@ contains
             end do
         end associate
         call move_alloc(redundancy%kept, kept)
-        ! Its memory is as large as that of a chart.
+        ! Release the analysis first, because it is as large as a chart.
         deallocate (redundancy)
         call use_rows(self, kept, error)
     end subroutine drop_redundant_rows
@@ -354,21 +354,21 @@ contains
             stat = error%stat
             return
         end if
-        ! The state keeps the rounding error that the chart before has found.
+        ! The state retains the rounding error that the previous chart has found.
         self%next%dq(:) = 0.0_wp
         call self%chart%set_origin(self%state%t, self%state%q, self%state%qd, .false., self%next%dq, stat)
     end procedure choose_rows_anew
 
-    !> A chart that uses some of the rows.
+    !> Construct a chart that uses some of the rows.
     subroutine use_rows(self, kept, error)
         class(simulation_type), intent(inout) :: self
-        !> Their numbers, ascending.
+        !> Indices of the rows, in increasing order.
         integer, intent(in) :: kept(:)
         type(error_type), allocatable, intent(out) :: error
         type(counts_type) :: counts
         real(wp) :: best
 
-        ! The former chart is released first: both together would take twice the memory.
+        ! Release the previous chart first; both together would take twice the memory.
         counts = self%chart%counts
         best = self%chart%best_independence
         call self%allocate_chart()
@@ -377,13 +377,13 @@ contains
     end subroutine use_rows
 
     !> Warn of nonholonomic rows that are integrable.
-    subroutine look_for_integrable_rows(self)
+    subroutine warn_of_integrable_rows(self)
         class(simulation_type), intent(inout) :: self
         integer, allocatable :: alone(:)
         logical :: together
         integer :: i
 
-        ! This requires dense matrices.
+        ! This check requires dense matrices.
         if (self%model%n_nonholonomic == 0 .or. self%is_sparse) return
         call find_integrable_rows(self%model, self%model%scales(), self%state%t, self%state%q, self%chart%counts, alone, together)
         do i = 1, size(alone)
@@ -397,5 +397,5 @@ contains
                 ' are jointly integrable: they restrict the position, which is satisfied only if they are given as '// &
                 'holonomic constraints')
         end associate
-    end subroutine look_for_integrable_rows
+    end subroutine warn_of_integrable_rows
 end submodule tandem_simulate_start

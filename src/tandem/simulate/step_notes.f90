@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The first size of controlled steps, and the record of every step's error.
+!> Size of the first step under error control, and recording of local errors.
 submodule(tandem_simulation:tandem_simulate_steps) tandem_simulate_step_notes
     implicit none (type, external)
 
@@ -18,7 +18,7 @@ contains
             h = 1.0e-6_wp*unit
             if (size_y > 1.0e-5_wp .and. size_f > 1.0e-5_wp) h = 0.01_wp*unit*size_y/size_f
             h = min(h, 0.1_wp*span)
-            ! The change of the rates in one Euler step.
+            ! Change of the rates in an explicit Euler step.
             next%dq = state%dq + h*state%qd
             next%dqd = state%dqd + h*state%qdd
             call self%chart%restore(state%t + h, next%dq, next%dqd, step_end, next%q, next%qd, stat)
@@ -55,8 +55,8 @@ contains
                 if (.not. is_complete) return
                 relative = local%size_of_window(self%next)
                 if (self%method%implicit) then
-                    ! Stiff modes have rates that are large against their changes. The filter removes them, and also the errors of
-                    ! dependent velocities, so it is used only if it removes nearly all.
+                    ! Stiff modes have rates that are large compared with their changes. The filter removes their errors, but also
+                    ! the errors of dependent velocities, so that it is used only if it removes almost all of the error.
                     call filter_error(self%chart, local%error_q, local%error_qd)
                     filtered = local%size_of_window(self%next)
                     if (filtered < 0.1_wp*relative) relative = filtered

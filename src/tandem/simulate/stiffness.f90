@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Detects that stability, not accuracy, limits the steps of an explicit stepper, and estimates the work of an implicit one.
+!> Detects that stability, not accuracy, limits the steps of an explicit stepper, and estimates the work with an implicit stepper.
 !>
-!> Single steps at the limit of stability are ignored: the criterion is 15, without 6 others in a row between them.
-!> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2, automatic stiffness detection.
+!> The criterion is 15 steps at the limit of stability without 6 other steps in a row between them, so that single steps are
+!> ignored. Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.2, automatic stiffness detection.
 module tandem_simulate_stiffness
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
@@ -13,19 +13,19 @@ module tandem_simulate_stiffness
 
     public :: stiffness_type, implicit_advice
 
-    !> The advised stepper.
+    !> Stepper to be advised.
     character(len=*), parameter :: implicit_advice = 'radau5'
 
-    !> Number of steps at the limit that make a run stiff; number of others in a row that reset the count.
-    integer, parameter :: enough = 15, pardon = 6
+    !> Number of steps at the limit of stability that make a run stiff; number of other steps in a row that resets the count.
+    integer, parameter :: enough = 15, reset_after = 6
 
     type :: stiffness_type
-        !> True if stiffness was detected; the start of the first of the steps that showed it.
+        !> True if stiffness was detected; start time of the first step that showed it.
         logical :: is_stiff = .false.
         real(wp) :: since = 0.0_wp
-        !> Number of steps at the limit.
+        !> Number of steps at the limit of stability.
         integer(long) :: steps = 0
-        !> Steps of the implicit method for the motion so far, under error control.
+        !> Number of steps that an implicit method under error control would have taken so far.
         type(smoothness_type) :: smoothness
         integer, private :: in_a_row = 0, others = 0
         real(wp), private :: first = 0.0_wp
@@ -47,14 +47,14 @@ contains
     !> Add an accepted step.
     pure subroutine observe(self, t, is_at_limit)
         class(stiffness_type), intent(inout) :: self
-        !> Its start.
+        !> Start of the step.
         real(wp), intent(in) :: t
-        !> True if it was at the limit of stability.
+        !> True if the step was at the limit of stability.
         logical, intent(in) :: is_at_limit
 
         if (.not. is_at_limit) then
             self%others = self%others + 1
-            if (self%others >= pardon) self%in_a_row = 0
+            if (self%others >= reset_after) self%in_a_row = 0
             return
         end if
         self%steps = self%steps + 1
@@ -66,21 +66,21 @@ contains
         self%since = self%first
     end subroutine observe
 
-    !> The work of a run with the implicit method, as a part of this run's work; 0 if unknown.
-    pure real(wp) function part_of_implicit(self, tries, stages, n_differences)
+    !> Ratio of the work with the implicit method to the work of this run; 0 if unknown.
+    pure real(wp) function part_of_implicit(self, attempts, stages, n_differences)
         class(stiffness_type), intent(in) :: self
-        !> Steps taken and rejected, and the stages of each.
-        integer(long), intent(in) :: tries
+        !> Number of step attempts, and number of stages per step.
+        integer(long), intent(in) :: attempts
         integer, intent(in) :: stages
-        !> Number of coordinates with derivatives by differences; 0 if the model provides them.
+        !> Number of coordinates with derivatives by differences; 0 if the model provides derivatives.
         integer, intent(in) :: n_differences
 
         part_of_implicit = 0.0_wp
-        if (tries == 0) return
-        part_of_implicit = self%smoothness%needed*cost_of_implicit(n_differences)/(real(tries, wp)*real(stages, wp))
+        if (attempts == 0) return
+        part_of_implicit = self%smoothness%needed*cost_of_implicit(n_differences)/(real(attempts, wp)*real(stages, wp))
     end function part_of_implicit
 
-    !> The state so far.
+    !> Pack all components.
     subroutine pack_state(self, pack)
         class(stiffness_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

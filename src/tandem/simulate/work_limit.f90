@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Limits on the cost of a run: evaluations of the right-hand side, and wall time. Without limits nothing is counted and no clock is
-!> read.
+!> Limits on the cost of a run: evaluations of the right-hand side, and wall time. Without limits, nothing is counted and no clock
+!> is read.
 module tandem_simulate_work_limit
     use tandem_error, only: to_text
     use tandem_kinds, only: long, wp
@@ -11,7 +11,7 @@ module tandem_simulate_work_limit
     public :: work_limit_type
 
     type :: work_limit_type
-        !> True if any limit is set; call `is_spent` only then.
+        !> True if any limit is set. Call `is_spent` only in this case.
         logical :: is_set = .false.
         integer(long), private :: max_evaluations = 0, clock_start = 0
         real(wp), private :: max_seconds = 0.0_wp
@@ -22,12 +22,12 @@ module tandem_simulate_work_limit
 
 contains
 
-    !> Begin with limits; 0 means none.
+    !> Set limits; 0 means unlimited.
     pure subroutine set(self, max_evaluations, max_seconds)
         class(work_limit_type), intent(inout) :: self
-        !> Most evaluations of the right-hand side.
+        !> Largest number of evaluations of the right-hand side.
         integer, intent(in) :: max_evaluations
-        !> Most seconds of wall time since the first call of `is_spent`.
+        !> Largest wall time (s) since the first call of `is_spent`.
         real(wp), intent(in) :: max_seconds
 
         self%max_evaluations = int(max_evaluations, long)
@@ -39,7 +39,7 @@ contains
     !> True if a limit is reached. The first call starts the clock.
     logical function is_spent(self, evaluations)
         class(work_limit_type), intent(inout) :: self
-        !> Evaluations so far.
+        !> Number of evaluations so far.
         integer(long), intent(in) :: evaluations
         integer(long) :: now, rate
 
@@ -51,7 +51,7 @@ contains
         is_spent = is_spent .or. real(now - self%clock_start, wp) >= self%max_seconds*real(rate, wp)
     end function is_spent
 
-    !> Text of the run's cost, padded with blanks.
+    !> Text about the cost of the run, padded with blanks.
     function describe(self, evaluations) result(text)
         class(work_limit_type), intent(in) :: self
         integer(long), intent(in) :: evaluations
@@ -64,7 +64,7 @@ contains
         end if
     end function describe
 
-    !> The elapsed time of the run; clocks of two programs are unrelated.
+    !> Pack the elapsed time, because clocks of different processes are unrelated.
     subroutine pack_state(self, pack)
         class(work_limit_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

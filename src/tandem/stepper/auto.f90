@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> dop853, replaced by another method for steps in which a run shows that the other one is cheaper. This module is the explicit
+!> dop853 with automatic change to an implicit method for steps in which that method is cheaper. This module defines the explicit
 !> part; `tandem_simulate_switching` decides, and the simulation exchanges steppers between steps.
 module tandem_stepper_auto
     use tandem_stepper, only: properties_type
@@ -9,7 +9,7 @@ module tandem_stepper_auto
 
     public :: auto_type
 
-    !> dop853 with a partner.
+    !> dop853 with an implicit partner.
     type, extends(dop853_type) :: auto_type
     contains
         procedure, nopass :: properties
@@ -17,7 +17,7 @@ module tandem_stepper_auto
 
 contains
 
-    !> Properties of the method while it is explicit.
+    !> Properties of the method while steps are explicit.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 

@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Linear combinations of rates, the rows of a tableau. Half of a large tableau is zero: the nonzero columns are listed once.
+!> Linear combinations of rates with the weights of a row of a tableau. About half of a large tableau is zero, so only the columns
+!> with nonzero weights are stored.
 module tandem_stepper_combination
     use tandem_kinds, only: lane, wp
     implicit none (type, external)
@@ -7,7 +8,7 @@ module tandem_stepper_combination
 
     public :: combination_type
 
-    !> Number of columns that are added at a time.
+    !> Number of columns added at a time.
     integer, parameter :: group = 4
 
     !> sum_j weight(j) rate(:, j) over the columns with nonzero weights.
@@ -38,7 +39,7 @@ contains
             if (.not. abs(weight(j)) > 0.0_wp) cycle
             g = i/group + 1
             self%weight(mod(i, group) + 1, g) = weight(j)
-            ! Pad with a column that has been evaluated.
+            ! Pad with a column that is already evaluated.
             self%column(mod(i, group) + 1:, g) = j
             i = i + 1
         end do
@@ -55,7 +56,7 @@ contains
         call add_groups(self%n_groups, self%weight, self%column, height, n_rates, h, rate, x, y)
     end subroutine add
 
-    !> The same for plain arrays.
+    !> `add` with explicit-shape arrays.
     pure subroutine add_groups(n_groups, weight, column, height, n_rates, h, rate, x, y)
         integer, intent(in) :: n_groups, column(group, n_groups), height, n_rates
         real(wp), intent(in) :: weight(group, n_groups), h, rate(height, n_rates), x(height)

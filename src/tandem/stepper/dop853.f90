@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> The method of Dormand and Prince of order 8 with two embedded estimates of orders 5 and 3, 12 stages, explicit.
+!> Explicit method of Dormand and Prince of order 8 with 12 stages and two embedded error estimates of orders 5 and 3.
 !> Source: P. J. Prince, J. R. Dormand, J. Comp. Appl. Math. 7 (1981) 67-75, with the estimates of Hairer, Norsett, Wanner,
 !> Solving Ordinary Differential Equations I, 2nd ed., section II.10.
 module tandem_stepper_dop853
@@ -17,7 +17,7 @@ module tandem_stepper_dop853
     !> The method of order 8.
     type, extends(explicit_type) :: dop853_type
         private
-        !> Nodes of the three stages of dense output; sums of rates for these stages and for the polynomial.
+        !> Nodes of the three additional stages of dense output; their weights, and the weights of the interpolating polynomial.
         real(wp) :: extra_c(3) = 0.0_wp
         type(combination_type) :: extra_sum(3), dense_sum(4)
     contains
@@ -127,7 +127,7 @@ contains
             -39.17726167561544_wp, -149.72683625798564_wp])
     end subroutine set_tableau
 
-    !> Increments within the last step, of order 7, by three additional stages that are evaluated once per step.
+    !> Increments at a time within the last step, of order 7. Three additional stages are evaluated once per step.
     subroutine interpolate(self, chart, start, arrived, state, slope_q, slope_qd, stat)
         class(dop853_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -158,16 +158,16 @@ contains
             self%slope = factor*self%slope + merge(1.0_wp, -1.0_wp, mod(k, 2) == 0)*self%part
         end do
         associate (n => self%n, offset => self%offset, rate => self%rate)
-            call blend(self%y(:n), self%slope(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), state%dq, slope_q)
-            call blend(self%y(offset + 1:offset + n), self%slope(offset + 1:offset + n), start%dqd, arrived%dqd, &
+            call nested_polynomial(self%y(:n), self%slope(:n), start%dq, arrived%dq, rate(:n, 1), rate(:n, 13), state%dq, slope_q)
+            call nested_polynomial(self%y(offset + 1:offset + n), self%slope(offset + 1:offset + n), start%dqd, arrived%dqd, &
                 rate(offset + 1:offset + n, 1), rate(offset + 1:offset + n, 13), state%dqd, slope_qd)
         end associate
 
     contains
 
-        !> Nested polynomial of Hairer, Norsett, Wanner I, section II.6, around its inner part, and its derivative.
-        elemental subroutine blend(inner, inner_slope, y0, y1, rate0, rate1, y, slope)
-            !> Inner part and its derivative with respect to x, and values and rates at the ends.
+        !> Interpolating polynomial of Hairer, Norsett, Wanner I, section II.6, in nested form, and its derivative.
+        elemental subroutine nested_polynomial(inner, inner_slope, y0, y1, rate0, rate1, y, slope)
+            !> Inner part of the nested form and its derivative with respect to x; values and rates at both ends.
             real(wp), intent(in) :: inner, inner_slope, y0, y1, rate0, rate1
             real(wp), intent(out) :: y, slope
 
@@ -178,6 +178,6 @@ contains
             y = y*(1.0_wp - x) + y1 - y0
             slope = (slope*x + y)/h
             y = y0 + y*x
-        end subroutine blend
+        end subroutine nested_polynomial
     end subroutine interpolate
 end module tandem_stepper_dop853

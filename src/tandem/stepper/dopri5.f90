@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The pair of Dormand and Prince: order 5 with an embedded order 4, 6 stages and the rate at the end of the step, explicit.
+!> Explicit method of Dormand and Prince of order 5 with an embedded method of order 4 and 6 stages. The rate at the end of a step
+!> is the first stage of the next one.
 !> Source: J. R. Dormand, P. J. Prince, J. Comp. Appl. Math. 6 (1980) 19-26; Hairer, Norsett, Wanner, Solving Ordinary
 !> Differential Equations I, table II.5.2.
 module tandem_stepper_dopri5

@@ -1,12 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> Explicit Runge-Kutta methods, given by their tableau.
 !>
-!> Stages are increments in ambient coordinates, xi' = qd and eta' = qdd, and the chart restores the constraints at each.
-!> Runge-Kutta methods are linear in their stages, so that this is the trajectory of (51) in the chart's v and w.
-!> Without projected stages, the chart restores the constraints only at the end of a step: this is not the paper's method, but
-!> index-1 equations with projection. The motion satisfies C qdd = -gamma off the manifold too, so that stages of a method of order
-!> p keep its order, and ends of steps are off by O(h^(p+1)) before the projection.
-!> The acceleration at the end of a step is the first stage of the next one; error estimates may also use it.
+!> Stages are increments in ambient coordinates, xi' = qd and eta' = qdd. The chart restores the constraints at each stage.
+!> Runge-Kutta methods are linear in their stages, so that the trajectory is that of (51) in the chart coordinates v and w.
+!>
+!> Without projected stages, the chart restores the constraints only at the ends of steps. This is not the paper's method: it
+!> integrates the index-1 equations and projects the result. As C qdd = -gamma holds off the manifold too, stages of a method of
+!> order p keep their order, and the ends of steps are off the manifold by O(h^(p+1)) before the projection.
+!>
+!> The acceleration at the end of a step is the first stage of the next step. Error estimates may also use it.
 module tandem_stepper_explicit
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_aligned, only: allocate_aligned
@@ -21,42 +23,45 @@ module tandem_stepper_explicit
 
     public :: explicit_type
 
-    !> A method given by its tableau; s stages.
+    !> Explicit method with s stages, given by its tableau.
     type, abstract, extends(stepper_type) :: explicit_type
-        !> a(j, i), j < i, for stage i = 2 ... s; c(i) = sum_j a(j, i); weights b (s).
+        !> Coefficients a(j, i), j < i, of stage i = 2 ... s; nodes c(i) = sum_j a(j, i); weights b (s).
         real(wp), allocatable :: a(:, :), b(:), c(:)
-        !> Weights of error estimates (s + 1, number of estimates), the last row for the rate at the end of the step.
+        !> Weights of the error estimates (s + 1, number of estimates). The last row applies to the rate at the end of the step.
         real(wp), allocatable :: e(:, :)
-        !> Rates of the stages, of the end of the step (s + 1) if there are estimates, and of additional stages of dense output:
-        !> those of the n coordinates, zeros up to row `offset`, then those of the velocities, padded with zeros to a multiple of
-        !> `lane`.
+        !> Rates of the stages, of the end of the step (column s + 1) if there are error estimates, and of the additional stages of
+        !> dense output. Each column contains the rates of the n coordinates, zeros up to row `offset`, and the rates of the
+        !> velocities, padded with zeros to a multiple of `lane`.
         real(wp), allocatable :: rate(:, :)
-        !> True if each stage uses the rates of the previous one only, as in Kutta's method, and nothing else uses rates: `rate` is
-        !> then not allocated; `y` contains the weighted sum of rates so far, and after the step the rates of the last stage.
-        logical, private :: in_turn = .false.
-        !> Increments, ordered alike: of a stage, and at the start of the step, or the start itself if stages are not projected.
+        !> True if each stage uses only the rates of the previous stage, as in Kutta's method, and nothing else uses rates. `rate`
+        !> is then not allocated. `y` contains the weighted sum of the rates so far and, after the step, the rates of the last
+        !> stage.
+        logical, private :: sums_rates = .false.
+        !> In the layout of a column of `rate`: increments of the current stage; increments at the start of the step, or the state
+        !> at the start if stages are not projected.
         real(wp), allocatable :: y(:)
         real(wp), allocatable, private :: y_start(:)
-        !> Zeros, and work space, ordered alike, if there are estimates.
+        !> In the same layout, if there are error estimates: zeros, and work space.
         real(wp), allocatable :: zero(:), part(:), slope(:)
-        !> Moduli of the displacement from the end of a step to the manifold (n), if stages are not projected: the error of the step
-        !> across the manifold, which the rates of stages do not show if an imposed motion has a kink. The error of the velocities
-        !> across the manifold is checked in all cases.
+        !> Absolute displacement, per coordinate, that projects the end of a step onto the manifold (n), if stages are not
+        !> projected. This is the error across the manifold, which the rates of the stages do not show if an imposed motion has a
+        !> kink. The error of the velocities across the manifold is always checked.
         real(wp), allocatable, private :: shift(:)
-        !> Zeros separate the two parts in registers, so that sums for the next position need not wait for the last acceleration.
+        !> Number of coordinates; offset of the velocities in a column. The zeros between both parts keep them in separate
+        !> registers, so that sums for the next position need not wait for the last acceleration.
         integer :: n = 0, offset = 0
-        !> True if the chart stores stages by their number; stages of methods of higher order are so accurate that this costs more
-        !> than it saves (measured with dop853).
-        logical, private :: has_rough_stages = .false.
+        !> True if the chart stores stages by number, as start values for the same stage of the next step. For methods of higher
+        !> order this costs more than it saves (measured with dop853).
+        logical, private :: chart_stores_stages = .false.
         !> Number of additional stages of dense output.
         integer :: n_extra = 0
-        !> True if the additional stages are those of the last step.
+        !> True if the additional stages are evaluated for the last step.
         logical :: has_extra = .false.
-        !> Coordinates of a stage (n); c^2/2 - sum a c of the stages and of the end (s + 1).
+        !> Coordinates of a stage (n); c^2/2 - sum a c of the stages and of the end of the step (s + 1).
         real(wp), allocatable, private :: q(:), defect(:)
-        !> Reciprocals of the coordinate scales (n), unless all of them are 1.
+        !> Reciprocals of the coordinate scales (n), if any of them is not 1.
         real(wp), allocatable, private :: inverse_scale(:)
-        !> The tableau as sums of rates: of the stages (s, the first is empty), of the end, of the estimates.
+        !> Rows of the tableau: of the stages (s, the first is empty), of the end of the step, of the error estimates.
         type(combination_type), allocatable, private :: stage_sum(:), end_sum, estimate_sum(:)
     contains
         procedure :: initialize, advance, estimate, start_near, set_near, stiffness
@@ -86,7 +91,7 @@ contains
         n = size(scale)
         call self%set_tableau()
         properties = self%properties()
-        self%has_rough_stages = properties%order <= 5
+        self%chart_stores_stages = properties%order <= 5
         s = size(self%b)
         self%n = n
         self%offset = short*((n + short - 1)/short)
@@ -98,14 +103,14 @@ contains
         if (allocated(self%zero)) deallocate (self%zero, self%part, self%slope)
         if (allocated(self%shift)) deallocate (self%shift)
         allocate (self%shift(merge(n, 0, n_estimates > 0)), source=0.0_wp)
-        self%in_turn = n_estimates + self%n_extra == 0 .and. s > 1
+        self%sums_rates = n_estimates + self%n_extra == 0 .and. s > 1
         do i = 3, s
-            self%in_turn = self%in_turn .and. .not. any(abs(self%a(:i - 2, i)) > 0.0_wp)
+            self%sums_rates = self%sums_rates .and. .not. any(abs(self%a(:i - 2, i)) > 0.0_wp)
         end do
         height = lane*((self%offset + n + lane - 1)/lane)
-        call allocate_aligned(self%rate, height, merge(0, s + min(n_estimates, 1) + self%n_extra, self%in_turn))
+        call allocate_aligned(self%rate, height, merge(0, s + min(n_estimates, 1) + self%n_extra, self%sums_rates))
         call allocate_aligned(self%y, height)
-        call allocate_aligned(self%y_start, merge(0, height, self%in_turn))
+        call allocate_aligned(self%y_start, merge(0, height, self%sums_rates))
         if (n_estimates > 0) then
             call allocate_aligned(self%zero, height)
             call allocate_aligned(self%part, height)
@@ -128,7 +133,7 @@ contains
         end do
     end subroutine initialize
 
-    !> One step.
+    !> Perform one step.
     subroutine advance(self, chart, state, h, next, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -143,8 +148,8 @@ contains
         n = self%n
         s = size(self%b)
         self%has_extra = .false.
-        if (self%in_turn) then
-            call advance_in_turn(self, chart, state, h, next, stat)
+        if (self%sums_rates) then
+            call advance_with_sums(self, chart, state, h, next, stat)
             return
         end if
         !GCC$ UNROLL 1
@@ -153,7 +158,7 @@ contains
             self%rate(self%offset + i, 1) = state%qdd(i)
         end do
         if (self%projects_stages) call chart%start_step(state%qdd)
-        call take_start(self, state)
+        call store_start(self, state)
         stat = 0
         !GCC$ UNROLL 1
         do i = 2, s
@@ -163,7 +168,7 @@ contains
             if (stat /= 0) exit
         end do
         if (stat == 0) then
-            ! The constraints are restored here, so always start from the increments.
+            ! The point was restored to the manifold, so begin with its increments.
             if (.not. self%projects_stages) call load(n, self%offset, state%dq, state%dqd, self%y_start)
             call self%end_sum%add(size(self%rate, 1), size(self%rate, 2), h, self%rate, self%y_start, self%y)
             !GCC$ UNROLL 1
@@ -180,7 +185,7 @@ contains
             self%rate(self%offset + i, s + 1) = next%qdd(i)
         end do
         if (self%projects_stages) return
-        ! Without the rounding of the coordinates.
+        ! Sum increments, which excludes the rounding errors of the coordinates.
         !GCC$ UNROLL 1
         do i = 1, n
             associate (way => (next%q(i) - state%q(i)) - (self%y(i) - state%dq(i)))
@@ -189,8 +194,8 @@ contains
         end do
     end subroutine advance
 
-    !> The same for methods that sum up rates as they are computed. Stages are stored in place of the end of the step.
-    subroutine advance_in_turn(self, chart, state, h, next, stat)
+    !> `advance` for methods that sum rates as they are computed. Stages are stored in the state for the end of the step.
+    subroutine advance_with_sums(self, chart, state, h, next, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
@@ -224,30 +229,30 @@ contains
                 if (stat /= 0) exit
             end do
             if (stat == 0) then
-                ! The last stage is stored for `stiffness`, with its rates in place of the sums.
+                ! Store the last stage, with its rates in place of the sums, for `stiffness`.
                 call copy(n, next%q, self%q)
-                call leave_sums(n, h, self%b(s), state%dq, next%qd, sum_q, next%dq)
-                call leave_sums(n, h, self%b(s), state%dqd, next%qdd, sum_qd, next%dqd)
+                call finish_sums(n, h, self%b(s), state%dq, next%qd, sum_q, next%dq)
+                call finish_sums(n, h, self%b(s), state%dqd, next%qdd, sum_qd, next%dqd)
                 call arrive(self, chart, h, next, stat)
             end if
         end associate
 
     contains
 
-        !> Point of the next stage, from the increments at the start of the step, or from the state.
+        !> Point of the next stage, from the increments or the state at the start of the step.
         subroutine step_from_start(step, rate_q, rate_qd)
             real(wp), intent(in) :: step
             real(wp), intent(in), contiguous :: rate_q(:), rate_qd(:)
 
             if (self%projects_stages) then
-                call follow(self%n, step, state%dq, state%dqd, rate_q, rate_qd, next%dq, next%dqd)
+                call add_rates(self%n, step, state%dq, state%dqd, rate_q, rate_qd, next%dq, next%dqd)
             else
-                call follow(self%n, step, state%q, state%qd, rate_q, rate_qd, next%dq, next%dqd)
+                call add_rates(self%n, step, state%q, state%qd, rate_q, rate_qd, next%dq, next%dqd)
             end if
         end subroutine step_from_start
-    end subroutine advance_in_turn
+    end subroutine advance_with_sums
 
-    !> Weighted rates.
+    !> Begin the weighted sums of rates.
     pure subroutine set_sums(n, weight, rate_q, rate_qd, sum_q, sum_qd)
         integer, intent(in) :: n
         real(wp), intent(in) :: weight, rate_q(n), rate_qd(n)
@@ -261,8 +266,8 @@ contains
         end do
     end subroutine set_sums
 
-    !> Increments after a step along rates.
-    pure subroutine follow(n, step, from_q, from_qd, rate_q, rate_qd, dq, dqd)
+    !> Increments after a step along given rates.
+    pure subroutine add_rates(n, step, from_q, from_qd, rate_q, rate_qd, dq, dqd)
         integer, intent(in) :: n
         real(wp), intent(in) :: step, from_q(n), from_qd(n), rate_q(n), rate_qd(n)
         real(wp), intent(out) :: dq(n), dqd(n)
@@ -273,10 +278,10 @@ contains
             dq(i) = from_q(i) + step*rate_q(i)
             dqd(i) = from_qd(i) + step*rate_qd(i)
         end do
-    end subroutine follow
+    end subroutine add_rates
 
-    !> Increments at the end of the step from sums of rates and the rates of the last stage, which replace the sums.
-    pure subroutine leave_sums(n, h, weight, from, rate, sum, increment)
+    !> Increments at the end of the step. The rates of the last stage replace the sums.
+    pure subroutine finish_sums(n, h, weight, from, rate, sum, increment)
         integer, intent(in) :: n
         real(wp), intent(in) :: h, weight, from(n), rate(n)
         real(wp), intent(inout) :: sum(n), increment(n)
@@ -287,10 +292,10 @@ contains
             increment(i) = from(i) + h*(sum(i) + weight*rate(i))
             sum(i) = rate(i)
         end do
-    end subroutine leave_sums
+    end subroutine finish_sums
 
-    !> Store the start of the stages, before the first call of `set_stage` in a step.
-    subroutine take_start(self, state)
+    !> Store the start of the step, before the first call of `set_stage`.
+    subroutine store_start(self, state)
         class(explicit_type), intent(inout) :: self
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
@@ -300,9 +305,9 @@ contains
         else
             call load(self%n, self%offset, state%q, state%qd, self%y_start)
         end if
-    end subroutine take_start
+    end subroutine store_start
 
-    !> Store the start before the first call of `set_near`.
+    !> Store the start of the step, before the first call of `set_near`.
     subroutine start_near(self, state)
         class(explicit_type), intent(inout) :: self
         !> The state at the start of the step.
@@ -311,13 +316,13 @@ contains
         call load(self%n, self%offset, state%q, state%qd, self%y_start)
     end subroutine start_near
 
-    !> Evaluate a stage of dense output: its rates from previous ones, at its projection onto the constraints there. A step may pass
-    !> singular points of its chart, near which such stages cannot be evaluated in the chart.
+    !> Evaluate a stage of dense output, given the previous rates, at its projection onto the constraints. The chart of the step is
+    !> not used, because the step may pass a singular point of the chart.
     subroutine set_near(self, chart, h, t, sum_before, stage, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h, t
-        !> Sum of the previous rates.
+        !> Weights of the previous rates.
         type(combination_type), intent(in) :: sum_before
         integer, intent(in) :: stage
         integer, intent(out) :: stat
@@ -331,12 +336,12 @@ contains
         end associate
     end subroutine set_near
 
-    !> Evaluate a stage: its rates from previous ones.
+    !> Evaluate a stage, given the previous rates.
     subroutine set_stage(self, chart, h, t, sum_before, stage, stat)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         real(wp), intent(in) :: h, t
-        !> Sum of the previous rates.
+        !> Weights of the previous rates.
         type(combination_type), intent(in) :: sum_before
         integer, intent(in) :: stage
         integer, intent(out) :: stat
@@ -349,7 +354,7 @@ contains
                 call chart%restore(t, y(:n), y(offset + 1:offset + n), goal, self%q, rate(:n, stage), stat)
                 if (stat /= 0) return
             else
-                ! From the state itself: the origin of the chart and its u are not used.
+                ! Begin with the state itself. The origin of the chart and its u are not used.
                 self%q(:) = y(:n)
                 rate(:n, stage) = y(offset + 1:offset + n)
             end if
@@ -357,19 +362,19 @@ contains
         end associate
     end subroutine set_stage
 
-    !> Goal of a stage.
+    !> Goal that describes a stage to the chart.
     pure type(goal_type) function stage_goal(self, stage, h) result(goal)
         class(explicit_type), intent(in) :: self
         integer, intent(in) :: stage
         real(wp), intent(in) :: h
 
         goal%is_stage = .true.
-        if (self%has_rough_stages) goal%stage = stage
+        if (self%chart_stores_stages) goal%stage = stage
         goal%h = h
         goal%defect = h**2*self%defect(stage)
     end function stage_goal
 
-    !> Restore the end of a step and find the acceleration there.
+    !> Restore the end of a step and evaluate the acceleration there.
     subroutine arrive(self, chart, h, next, stat)
         class(explicit_type), intent(in) :: self
         class(chart_type), intent(inout) :: chart
@@ -384,7 +389,7 @@ contains
         if (stat == 0) call chart%accelerate(next%t, next%q, next%qd, step_end, next%qdd, stat)
     end subroutine arrive
 
-    !> y := the increments of a state, or the state.
+    !> y := the increments of a state, or its coordinates and velocities.
     pure subroutine load(n, offset, dq, dqd, y)
         integer, intent(in) :: n, offset
         real(wp), intent(in) :: dq(n), dqd(n)
@@ -399,8 +404,8 @@ contains
     end subroutine load
 
     !> Error of the last step in a weighted norm. Two estimates (orders 5 and 3 of dop853) are combined as in Hairer, Norsett,
-    !> Wanner I, (10.17): the first squared over the root of the sum of squares, the second weighted by a tenth. Without projected
-    !> stages the error is at least a tenth of the displacement to the manifold, which the projection removes.
+    !> Wanner I, (10.17): the square of the first over the root of the sum of its square and a hundredth of the square of the
+    !> second. Without projected stages the error is at least a tenth of the displacement by the final projection.
     subroutine estimate(self, chart, h, weight_q, weight_qd, norm)
         class(explicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -418,16 +423,17 @@ contains
         if (.not. self%projects_stages) norm = max(norm, of_shift*norm2(self%shift*weight_q)/sqrt(2*real(self%n, wp)))
     end subroutine estimate
 
-    !> h |lambda| from the last stage and the end of the step, both at the same time. The difference of their values is close to the
-    !> eigenvector of the largest eigenvalue, and that of their rates is lambda times as large (Hairer, Wanner II, (IV.2.2)).
-    !> Velocities times h and scaled coordinates are compared, so that units do not matter and a slow motion gives a value below 1.
-    !> Not to be called after dense output, which overwrites the stage. 0 within rounding, as at rest.
+    !> h |lambda| from the last stage and the end of the step, which have the same time. Their difference is nearly an eigenvector
+    !> of the largest eigenvalue lambda, and the difference of their rates is lambda times as large (Hairer, Wanner II, (IV.2.2)).
+    !> Velocities are multiplied by h and coordinates divided by their scales, so that the result does not depend on units and is
+    !> below 1 for slow motions. The result is 0 if the differences are rounding errors, as at rest. Dense output overwrites the
+    !> stage, so this must be called first.
     real(wp) function stiffness(self, h, arrived)
         class(explicit_type), intent(in) :: self
         real(wp), intent(in) :: h
         type(state_type), intent(in) :: arrived
 
-        if (self%in_turn) then
+        if (self%sums_rates) then
             stiffness = largest_change(self, h, arrived, self%y(:self%n), self%y(self%offset + 1:))
         else
             associate (s => size(self%b))
@@ -436,14 +442,14 @@ contains
         end if
     end function stiffness
 
-    !> The same for given rates of the last stage.
+    !> h |lambda| for given rates of the last stage.
     pure real(wp) function largest_change(self, h, arrived, qd, qdd) result(stiffness)
         class(explicit_type), intent(in) :: self
         real(wp), intent(in) :: h
         type(state_type), intent(in) :: arrived
         real(wp), intent(in), contiguous :: qd(:), qdd(:)
         real(wp) :: f, of_q, of_qd, of_qdd, largest
-        !> Relative differences below this are rounding.
+        !> Relative differences below this limit are rounding errors.
         real(wp), parameter :: rounding = 16*epsilon(1.0_wp)
         integer :: i
 
@@ -466,7 +472,7 @@ contains
         if (of_q + of_qd > (rounding*largest)**2) stiffness = sqrt((of_qd + of_qdd)/(of_q + of_qd))
     end function largest_change
 
-    !> Weighted norm of one estimate.
+    !> Weighted norm of one error estimate.
     real(wp) function estimate_norm(self, number, h, weight_q, weight_qd)
         class(explicit_type), intent(inout) :: self
         integer, intent(in) :: number
@@ -478,7 +484,7 @@ contains
             weight_qd)
     end function estimate_norm
 
-    !> State of the last step for its dense output.
+    !> Pack the data of the last step that dense output requires.
     subroutine pack_state(self, pack)
         class(explicit_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack

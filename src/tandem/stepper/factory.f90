@@ -10,7 +10,7 @@ module tandem_stepper_factory
 
     ! Only the submodule uses the modules of the steppers, so that a change in one of them recompiles few files.
     interface
-        !> Allocate the stepper of a name; not allocated if the name is unknown.
+        !> Allocate the stepper with the given name; leave it unallocated if the name is unknown.
         module subroutine new_stepper(name, stepper)
             implicit none (type, external)
             !> One of `stepper_choices`.

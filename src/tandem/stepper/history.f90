@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Rates of past stages, and their extrapolation: start values for the next implicit stage. Rates are ambient, so that they remain
-!> valid when the chart changes.
+!> Rates of past stages and their extrapolation, which gives start values for the next implicit stage. Rates are stored in ambient
+!> coordinates, so that they remain valid when the chart changes.
 module tandem_stepper_history
     use tandem_kinds, only: short, wp
     use tandem_pack, only: pack_type
@@ -10,7 +10,7 @@ module tandem_stepper_history
 
     public :: history_type
 
-    !> Number of stored stages, and of stages in one extrapolation (a polynomial of degree one less): by default, and at most.
+    !> Capacity for stages; default and largest number of stages in one extrapolation, whose polynomial has a degree of one less.
     integer, parameter :: capacity = 10, usual_nodes = 5, most_nodes = 9
 
     type :: history_type
@@ -20,7 +20,7 @@ module tandem_stepper_history
         real(wp), allocatable :: q(:, :), qd(:, :), qdd(:, :)
     contains
         procedure, public :: allocate => allocate_history, clear, continue_from, push, extrapolate
-        procedure, public :: knows, difference, drop, curvature, pack_state
+        procedure, public :: has_order, difference, drop, curvature, pack_state
     end type history_type
 
 contains
@@ -42,7 +42,7 @@ contains
         self%n_kept = 0
     end subroutine clear
 
-    !> Begin a step at a state. Unless the state was stored last, as after a start or a breakpoint, the past is discarded.
+    !> Begin a step at a state. Discard the past if this state is not the last one stored, as after a start or a breakpoint.
     subroutine continue_from(self, state, continues)
         class(history_type), intent(inout) :: self
         type(state_type), intent(in) :: state
@@ -61,7 +61,7 @@ contains
         call self%push(state%t, state%q, state%qd, state%qdd)
     end subroutine continue_from
 
-    !> Store the rates at a new time.
+    !> Store the rates at a point.
     subroutine push(self, t, q, qd, qdd)
         class(history_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -76,12 +76,12 @@ contains
         self%qdd(:, self%last) = qdd
     end subroutine push
 
-    !> The polynomial through the nearest rates, at t (Lagrange's form).
+    !> Evaluate the polynomial through the stages nearest to t at t (Lagrange's form).
     subroutine extrapolate(self, t, qd, qdd, most, q)
         class(history_type), intent(in) :: self
         real(wp), intent(in) :: t
         real(wp), intent(out), contiguous :: qd(:), qdd(:)
-        !> Number of rates to use.
+        !> Number of stages to use.
         integer, intent(in), optional :: most
         !> Coordinates (n).
         real(wp), intent(out), contiguous, optional :: q(:)
@@ -92,9 +92,9 @@ contains
         if (present(most)) n_most = min(most, most_nodes)
         n_nodes = 0
         do k = 1, self%n_kept
-            ! The shortest steps may have stages at the same time.
+            ! In very short steps, several stages may have equal times.
             if (any(abs(self%t(nodes(:n_nodes)) - self%t(k)) <= 0.0_wp)) cycle
-            ! Insert into the list of the nearest.
+            ! Insert into the sorted list of the nearest stages.
             i = n_nodes + 1
             do while (i > 1)
                 if (abs(self%t(nodes(i - 1)) - t) <= abs(self%t(k) - t)) exit
@@ -115,7 +115,7 @@ contains
         if (present(q)) call combine(size(qd), n_nodes, nodes, weights, self%q, q)
     end subroutine extrapolate
 
-    !> y := sum_k weights(k) x(:, nodes(k)), by blocks of rows that fit a register.
+    !> y := sum_k weights(k) x(:, nodes(k)), by blocks of rows that fit into a register.
     pure subroutine combine(n, n_nodes, nodes, weights, x, y)
         integer, intent(in) :: n, n_nodes, nodes(n_nodes)
         real(wp), intent(in) :: weights(n_nodes), x(n, capacity)
@@ -152,18 +152,18 @@ contains
         end do
     end subroutine combine
 
-    !> True if there are enough rates for a divided difference of an order.
-    pure logical function knows(self, order)
+    !> True if enough rates are stored for a divided difference of the given order.
+    pure logical function has_order(self, order)
         class(history_type), intent(in) :: self
         integer, intent(in) :: order
 
-        knows = self%n_kept > order
-    end function knows
+        has_order = self%n_kept > order
+    end function has_order
 
-    !> Divided difference of the last rates: the derivative of this order over its factorial.
+    !> Divided difference of the last rates: their derivative of the given order over its factorial.
     subroutine difference(self, order, qd, qdd)
         class(history_type), intent(in) :: self
-        !> One less than the number of rates.
+        !> One less than the number of rates used.
         integer, intent(in) :: order
         real(wp), intent(out), contiguous :: qd(:), qdd(:)
         real(wp) :: weight
@@ -184,7 +184,7 @@ contains
         end do
     end subroutine difference
 
-    !> Remove the rates after a time, because their step was rejected.
+    !> Remove the rates after a given time, because their step was rejected.
     pure subroutine drop(self, t)
         class(history_type), intent(inout) :: self
         !> Start of the rejected step.
@@ -197,8 +197,8 @@ contains
         end do
     end subroutine drop
 
-    !> Second divided differences of the last three rates, half their second derivatives. With two rates, a bound of the error of a
-    !> first step: their first difference over its length, as if the curvature were as large as their change.
+    !> Second divided difference of the last three rates, half their second derivative. With two rates only, as in a first step,
+    !> return the first difference over its length: a bound for the case that the rates change by as much as they curve.
     subroutine curvature(self, qd, qdd)
         class(history_type), intent(in) :: self
         real(wp), intent(out), contiguous :: qd(:), qdd(:)

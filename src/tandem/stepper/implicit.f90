@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Implicit steppers: they need a chart that solves stages.
+!> Implicit steppers. They require a chart that solves stages.
 module tandem_stepper_implicit
     use tandem_chart, only: chart_type
     use tandem_chart_implicit, only: implicit_chart_type
@@ -12,7 +12,7 @@ module tandem_stepper_implicit
 
     public :: implicit_type
 
-    !> Parent of implicit steppers.
+    !> Base type of implicit steppers.
     type, abstract, extends(stepper_type) :: implicit_type
     contains
         procedure :: advance, estimate
@@ -47,14 +47,14 @@ module tandem_stepper_implicit
 
 contains
 
-    !> One step.
+    !> Perform one step.
     subroutine advance(self, chart, state, h, next, stat)
         class(implicit_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h
         type(state_type), intent(inout) :: next
-        !> `invalid_option` with a chart that has no stages.
+        !> `invalid_option` if the chart cannot solve stages.
         integer, intent(out) :: stat
 
         stat = status_invalid_option

@@ -4,9 +4,8 @@
 !> The iteration estimates its contraction theta and stops when the remaining error, theta / (1 - theta) times the last correction,
 !> is below the tolerance. Source: Hairer and Wanner, Solving Ordinary Differential Equations II, section IV.8.
 !>
-!> A matrix is reused from step to step as long as this is cheaper: a new one is made when a step takes more corrections than the
-!> average step with this matrix, including the cost of the matrix. This rule replaces a gradually outdated matrix at the cheapest
-!> time.
+!> A matrix is reused from step to step until a new one is cheaper: when a step takes more corrections than the average step with
+!> this matrix, where the average includes the cost of making the matrix.
 module tandem_stepper_newton
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
@@ -24,34 +23,35 @@ module tandem_stepper_newton
     type :: newton_type
         !> Rates of the stage (n): start value on entry, solution on return.
         real(wp), allocatable :: rate_q(:), rate_qd(:)
-        !> Increments that do not depend on the stage's own rates (n).
+        !> Increments without the contribution of the stage's own rates (n).
         real(wp), allocatable :: base_dq(:), base_dqd(:)
-        !> Relative error of recent steps of equal size, against s + |y|; 0 if unknown.
+        !> Relative error, with respect to scale + |y|, of recent steps of equal size; 0 if unknown.
         real(wp) :: error_of_steps = 0.0_wp
-        !> For stages that are solved together: ratios of the ha of complex pairs of systems to the real ha; else empty.
+        !> For stages that are solved together: ratio of the ha of each complex system to the real ha; otherwise empty.
         complex(wp), allocatable :: ratios(:)
-        !> Tolerance of the iteration independent of the error of steps, and in this step; amplification of each stage's remainder
-        !> at the end of the step; tolerance of each stage in this step.
+        !> Tolerance of the iteration without regard to the error of steps; tolerance in this step; amplification of the error of
+        !> each stage at the end of the step; tolerance of each stage in this step.
         real(wp), private :: least_tolerance = 0.0_wp, step_tolerance = 0.0_wp
         real(wp), allocatable, private :: amplification(:), tolerance(:)
-        !> Defect of increments in the second derivative of the motion, over ha^2.
+        !> c^2/2 - sum a c of each stage over a_ii^2: the error of its increments is this factor times ha^2 times the second
+        !> derivative.
         real(wp), allocatable, private :: defect(:)
-        !> A nondecreasing correction below this is rounding, amplified by stiff forces.
-        real(wp), private :: standstill = 0.0_wp
-        !> Last observed contraction of each stage; the same if it was distinct from rounding, else 0; the first correction then;
-        !> age of the observation in steps.
-        real(wp), allocatable, private :: theta(:), told(:), seen_change(:)
-        integer, allocatable, private :: age(:), seen_steps(:)
-        !> Number of steps with the matrix; number of corrections counted before this step; cost of the matrix and its corrections,
-        !> in corrections; true if the matrix was made in this step; true if it was made at an extrapolated point; true if the next
-        !> step should make another one.
-        integer, private :: n_served = 0
+        !> Corrections below this limit that do not decrease are rounding errors, amplified by stiff forces.
+        real(wp), private :: rounding_limit = 0.0_wp
+        !> Contraction of each stage as last observed; its value if the observation was significant, otherwise 0; first correction
+        !> at the last observation; number of steps since then; age of the matrix at that time in steps.
+        real(wp), allocatable, private :: theta(:), significant_theta(:), observed_change(:)
+        integer, allocatable, private :: age(:), observed_age(:)
+        !> Age of the matrix in steps; number of corrections counted before this step; cost of the matrix and of the corrections
+        !> with it, in units of one correction. True if the matrix was made in this step; true if it was made at an extrapolated
+        !> point; true if the next step should make a new one.
+        integer, private :: n_steps_used = 0
         integer(long), private :: counted = 0
         real(wp), private :: spent = 0.0_wp
         logical, private :: is_fresh = .false., is_ahead = .false.
-        logical :: is_worn = .true.
+        logical :: is_outdated = .true.
         type(prediction_type), private :: prediction
-        !> Coordinates and velocities of the stage (n): predicted coordinates on entry, those of the last iterate on return.
+        !> Coordinates and velocities of the stage (n): predicted coordinates on entry, last iterate on return.
         real(wp), allocatable :: q(:), qd(:)
         real(wp), allocatable, private :: dq(:), dqd(:), residual(:)
     contains
@@ -63,16 +63,16 @@ module tandem_stepper_newton
 
 contains
 
-    !> Allocate.
+    !> Allocate work space.
     subroutine allocate_newton(self, scale, time_scale, tolerance, amplification, defect)
         class(newton_type), intent(inout) :: self
         !> Coordinate scales (n), and time scale.
         real(wp), intent(in) :: scale(:), time_scale
-        !> Tolerance of the iteration for q and qd, relative to |q|, |qd| and the coordinate scales.
+        !> Tolerance of the iteration for q and qd, relative to the coordinate scales plus |q| and |qd|.
         real(wp), intent(in) :: tolerance
-        !> Amplification of each stage's remainder at the end of the step, |b_i| / a_ii.
+        !> Amplification of the error of each stage at the end of the step, |b_i| / a_ii.
         real(wp), intent(in) :: amplification(:)
-        !> c^2/2 - sum a c of each stage over a_ii^2; empty if increments have no such defect.
+        !> c^2/2 - sum a c of each stage over a_ii^2; empty if increments have no such error.
         real(wp), intent(in) :: defect(:)
 
         if (allocated(self%residual)) deallocate (self%residual)
@@ -83,13 +83,13 @@ contains
         self%ratios = [complex(wp) ::]
         self%amplification = max(amplification, 1.0_wp)
         self%tolerance = self%amplification
-        self%standstill = 1.0e3_wp*tolerance
+        self%rounding_limit = 1.0e3_wp*tolerance
         self%theta = spread(1.0_wp, 1, size(amplification))
-        self%told = spread(0.0_wp, 1, size(amplification))
-        self%seen_change = spread(0.0_wp, 1, size(amplification))
+        self%significant_theta = spread(0.0_wp, 1, size(amplification))
+        self%observed_change = spread(0.0_wp, 1, size(amplification))
         self%age = spread(0, 1, size(amplification))
-        self%seen_steps = self%age
-        self%is_worn = .true.
+        self%observed_age = self%age
+        self%is_outdated = .true.
         call self%prediction%allocate(scale, time_scale, size(amplification))
         self%rate_q = 0.0_wp*scale
         self%rate_qd = self%rate_q
@@ -102,20 +102,21 @@ contains
         allocate (self%residual(0))
     end subroutine allocate_newton
 
-    !> Begin a step: reuse the matrix, or make one at an extrapolated point within the step, or at its start.
+    !> Begin a step: reuse the matrix, or make a new one at an extrapolated point within the step or at its start.
     subroutine prepare(self, chart, history, state, h, ha, continues, stat)
         class(newton_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
         type(history_type), intent(in) :: history
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
-        !> The step, and h a_ii.
+        !> Step size, and h a_ii.
         real(wp), intent(in) :: h, ha
-        !> False if the past does not apply to this step.
+        !> False if the history does not apply to this step.
         logical, intent(in) :: continues
         !> A status code.
         integer, intent(out) :: stat
-        !> Tolerance relative to the error of steps; largest ratio of this tolerance to the smallest one.
+        !> Tolerance of the iteration relative to the error of steps; largest factor by which this rule may raise the smallest
+        !> tolerance.
         real(wp), parameter :: share = 0.01_wp, loosest = 100.0_wp
         logical :: is_new, keeps
 
@@ -124,14 +125,14 @@ contains
         self%is_fresh = .false.
         self%is_ahead = .false.
         if (.not. continues) then
-            call self%prediction%forget()
+            call self%prediction%clear()
             self%theta = 1.0_wp
-            self%told = 0.0_wp
+            self%significant_theta = 0.0_wp
             self%error_of_steps = 0.0_wp
         end if
         self%step_tolerance = max(self%least_tolerance, min(share*self%error_of_steps, loosest*self%least_tolerance))
         self%tolerance(:) = max(self%step_tolerance/self%amplification, 2*epsilon(1.0_wp))
-        keeps = continues .and. .not. self%is_worn
+        keeps = continues .and. .not. self%is_outdated
         if (keeps) call chart%reuse(ha, self%ratios, keeps)
         if (keeps) return
         if (continues) then
@@ -141,8 +142,8 @@ contains
         end if
     end subroutine prepare
 
-    !> Make another matrix after a failure of the stages: after an old one a matrix in the middle of the stages, then one at the
-    !> start of the step, then none.
+    !> Make another matrix after the stages failed: first at a point in the middle of the stages if the matrix is from an earlier
+    !> step, then at the start of the step.
     subroutine renew_in_step(self, chart, history, state, h, ha, is_new, stat)
         class(newton_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -163,8 +164,8 @@ contains
         if (.not. self%is_ahead) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
     end subroutine renew_in_step
 
-    !> Make a matrix in the middle of the stages, at an extrapolated point: from the start to the end of a step the orientation of a
-    !> rotating body changes considerably, which slows the contraction.
+    !> Make a matrix at an extrapolated point in the middle of the stages. The orientation of a rotating body changes considerably
+    !> along a step, which slows the contraction with a matrix of the start.
     subroutine renew_ahead(self, chart, history, state, h, ha)
         class(newton_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -173,15 +174,15 @@ contains
         type(state_type), intent(in) :: state
         !> The step, and h a_ii.
         real(wp), intent(in) :: h, ha
-        !> Place of the matrix as a part of the step.
-        real(wp), parameter :: amid = 0.6_wp
+        !> Time of the matrix within the step, as a fraction of the step.
+        real(wp), parameter :: matrix_position = 0.6_wp
         real(wp) :: t
         integer :: stat
 
-        t = state%t + amid*h
+        t = state%t + matrix_position*h
         call history%extrapolate(t, self%rate_q, self%rate_qd)
-        self%dq = state%dq + (0.5_wp*amid*h)*(state%qd + self%rate_q)
-        self%dqd = state%dqd + (0.5_wp*amid*h)*(state%qdd + self%rate_qd)
+        self%dq = state%dq + (0.5_wp*matrix_position*h)*(state%qd + self%rate_q)
+        self%dqd = state%dqd + (0.5_wp*matrix_position*h)*(state%qdd + self%rate_qd)
         call chart%restore(t, self%dq, self%dqd, step_end, self%q, self%qd, stat)
         if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
         self%is_ahead = stat == status_ok
@@ -199,22 +200,22 @@ contains
         call chart%factor(t, q, qd, qdd, ha, self%ratios, stat)
         self%is_fresh = .true.
         self%is_ahead = .false.
-        self%is_worn = stat /= status_ok
-        self%n_served = 0
+        self%is_outdated = stat /= status_ok
+        self%n_steps_used = 0
         self%spent = chart%matrix_cost
-        self%seen_steps = 0
+        self%observed_age = 0
     end subroutine renew
 
-    !> Solve the stage at time t: from the extrapolated history; if this fails with an old matrix, with one made in the middle of
-    !> the stages, then with one at the start of the step; if this fails, from the state there; then with matrices made at the last
-    !> iterate.
+    !> Solve the stage at time t. The following are tried in turn: the extrapolated history as start value; if the matrix is from an
+    !> earlier step, a matrix made in the middle of the stages, then one made at the start of the step; the state at the start of
+    !> the step as start value; matrices made at the last iterate.
     subroutine solve(self, chart, history, state, stage, t, h, ha, stat)
         class(newton_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
         type(history_type), intent(inout) :: history
         !> The state at the start of the step.
         type(state_type), intent(in) :: state
-        !> Number of the stage, its time, the step, and h a_ii.
+        !> Number and time of the stage, step size, and h a_ii.
         integer, intent(in) :: stage
         real(wp), intent(in) :: t, h, ha
         !> A status code.
@@ -235,10 +236,10 @@ contains
             call self%iterate(chart, stage, t, ha, stat)
         end do
         if (stat == status_ok) then
-            call self%prediction%learn(stage, state%t, ha, self%rate_q, self%rate_qd)
+            call self%prediction%store_deviation(stage, state%t, ha, self%rate_q, self%rate_qd)
             return
         end if
-        call self%prediction%forget()
+        call self%prediction%clear()
         self%theta(stage) = 1.0_wp
         self%rate_q = state%qd
         self%rate_qd = state%qdd
@@ -249,36 +250,37 @@ contains
             call self%restore(chart, t, ha, stat)
             if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
             if (stat == status_ok) call self%iterate(chart, stage, t, ha, stat)
-            ! D at a point far from the chart's origin differs: with such a matrix all corrections elsewhere may be small.
-            self%is_worn = .true.
+            ! D at a point far from the chart's origin is different. With such a matrix, corrections elsewhere may all be small
+            ! although the iteration has not converged.
+            self%is_outdated = .true.
         end do
     end subroutine solve
 
-    !> Correct the stage. One correction suffices if the last observed contraction of the stage is good enough. The observation is
-    !> repeated when it is old, or when the first correction has grown since.
+    !> Correct the stage until it has converged. A single correction suffices if the contraction observed last for this stage is
+    !> good enough. The contraction is observed again after some steps, or if the first correction has grown.
     subroutine iterate(self, chart, stage, t, ha, stat)
         class(newton_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
         integer, intent(in) :: stage
         real(wp), intent(in) :: t, ha
         integer, intent(out) :: stat
-        !> More corrections would cost more than a new matrix.
+        !> Limit beyond which a new matrix is cheaper.
         integer, parameter :: most_corrections = 12
-        !> Largest age of an observed contraction; largest growth of the first correction; safety factor of the contraction; part of
-        !> a worse contraction that is kept.
-        integer, parameter :: oldest = 20
+        !> Largest age of an observed contraction; largest growth of the first correction since the observation; safety factor of
+        !> the contraction; fraction of a previous, worse contraction that is retained.
+        integer, parameter :: max_age = 20
         real(wp), parameter :: largest_growth = 2.0_wp, safety = 8.0_wp, kept = 0.5_wp
-        !> Corrections of the size of rounding; corrections below any tolerance; smallest distinct correction.
-        real(wp), parameter :: rounding = 20*epsilon(1.0_wp), nothing = 2*epsilon(1.0_wp), least = 0.1_wp*epsilon(1.0_wp)
-        !> Corrections below this part of the tolerance are negligible.
+        !> Size of rounding errors; size below any tolerance; smallest correction that is distinct from zero.
+        real(wp), parameter :: rounding = 20*epsilon(1.0_wp), vanishing = 2*epsilon(1.0_wp), least = 0.1_wp*epsilon(1.0_wp)
+        !> Fraction of the tolerance below which corrections are negligible.
         real(wp), parameter :: negligible = 0.1_wp
-        !> Largest contraction of an old matrix, and number of remaining corrections allowed beyond it.
+        !> Largest contraction for which a matrix of an earlier step is kept, and number of further corrections allowed beyond it.
         real(wp), parameter :: slowest = 0.2_wp
-        !> Contraction of corrections due to rounding.
-        real(wp), parameter :: creeping = 0.7_wp
+        !> Contraction that indicates corrections of the size of rounding errors.
+        real(wp), parameter :: stagnating = 0.7_wp
         integer, parameter :: most_more = 4
-        real(wp) :: change, first_change, last_change, seen, theta
-        logical :: says, suffices
+        real(wp) :: change, first_change, last_change, observed, theta
+        logical :: is_significant, suffices
         integer :: k
 
         self%age(stage) = self%age(stage) + 1
@@ -289,37 +291,38 @@ contains
             if (stat /= status_ok) return
             if (k == 1) then
                 first_change = change
-                ! The contraction of a matrix grows with its age.
-                theta = safety*(1 + self%n_served)*max(self%theta(stage)/(1 + self%seen_steps(stage)), &
-                    maxval(self%told/(1 + self%seen_steps)))
-                ! The growth of a correction far below the tolerance is not significant: it is due to remainders of other stages.
+                ! The contraction factor of a matrix grows with its age.
+                theta = safety*(1 + self%n_steps_used)*max(self%theta(stage)/(1 + self%observed_age(stage)), &
+                    maxval(self%significant_theta/(1 + self%observed_age)))
+                ! If a correction is far below the tolerance, its growth is not significant: it is due to errors of other stages.
                 suffices = theta*change <= self%tolerance(stage)
-                if (suffices .and. self%age(stage) < oldest .and. &
-                    change <= max(largest_growth*self%seen_change(stage), negligible*self%tolerance(stage))) return
-                ! The second correction observes the contraction; do not count it against the matrix.
+                if (suffices .and. self%age(stage) < max_age .and. &
+                    change <= max(largest_growth*self%observed_change(stage), negligible*self%tolerance(stage))) return
+                ! The second correction is made only to observe the contraction, so do not count it against the matrix.
                 if (suffices) self%counted = self%counted + 1
             else
                 theta = change/last_change
                 if (k == 2) then
-                    ! The ratio of two corrections of the size of rounding or of other stages' remainders is not significant. A
-                    ! second correction of the size of rounding bounds the contraction, which is never zero. Errors of several
-                    ! coordinates contract at varying rates; the worst is kept.
-                    seen = max(change, least)/last_change
-                    if (self%theta(stage) < 1.0_wp) seen = max(seen, kept*self%theta(stage))
-                    says = change > nothing .and. first_change > max(rounding, negligible*self%tolerance(stage))
-                    if (says .or. seen < self%theta(stage)*(1 + self%n_served)/(1 + self%seen_steps(stage))) then
-                        self%theta(stage) = seen
-                        self%told(stage) = merge(seen, 0.0_wp, says)
-                        self%seen_steps(stage) = self%n_served
+                    ! The ratio of two corrections is not significant if they are of the size of rounding errors or of the errors of
+                    ! other stages. A second correction of the size of rounding errors still bounds the contraction, which is never
+                    ! zero. Errors of several coordinates contract at different rates; the worst is retained.
+                    observed = max(change, least)/last_change
+                    if (self%theta(stage) < 1.0_wp) observed = max(observed, kept*self%theta(stage))
+                    is_significant = change > vanishing .and. first_change > max(rounding, negligible*self%tolerance(stage))
+                    if (is_significant .or. &
+                        observed < self%theta(stage)*(1 + self%n_steps_used)/(1 + self%observed_age(stage))) then
+                        self%theta(stage) = observed
+                        self%significant_theta(stage) = merge(observed, 0.0_wp, is_significant)
+                        self%observed_age(stage) = self%n_steps_used
                     end if
-                    self%seen_change(stage) = max(first_change, rounding)
+                    self%observed_change(stage) = max(first_change, rounding)
                     self%age(stage) = 0
                 end if
                 if (change <= 0.01_wp*self%tolerance(stage)) return
-                ! With the rounding of a stiff force the iteration stagnates long after convergence.
-                if (change <= self%standstill .and. .not. theta < merge(0.95_wp, creeping, k == 2)) return
+                ! With large stiff forces, rounding errors stop the decrease of the corrections long after convergence.
+                if (change <= self%rounding_limit .and. .not. theta < merge(0.95_wp, stagnating, k == 2)) return
                 if (.not. theta < 0.95_wp) exit
-                ! Give up an old matrix that would need many more corrections.
+                ! Abandon a matrix of an earlier step that would need many more corrections.
                 if (.not. self%is_fresh .and. theta > slowest .and. theta**most_more*change > self%tolerance(stage)) exit
                 if (theta/(1.0_wp - theta)*change <= self%tolerance(stage)) return
             end if
@@ -329,15 +332,15 @@ contains
         stat = status_newton_failed
     end subroutine iterate
 
-    !> One correction of a stage.
+    !> Perform one correction of a stage.
     subroutine correct(self, chart, stage, is_first, t, ha, change, stat)
         class(newton_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
         integer, intent(in) :: stage
-        !> True if `q` are predicted coordinates, not those of the last iterate.
+        !> True if `q` contains predicted coordinates, false if it contains the last iterate.
         logical, intent(in) :: is_first
         real(wp), intent(in) :: t, ha
-        !> See `update` of the chart.
+        !> Size of the correction, see `update` of the chart.
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
 
@@ -354,12 +357,12 @@ contains
         end associate
     end subroutine correct
 
-    !> Goal of an iterate of a stage.
+    !> Goal that describes an iterate to the chart.
     pure type(goal_type) function goal(self, stage, is_first, ha)
         class(newton_type), intent(in) :: self
         integer, intent(in) :: stage
         logical, intent(in) :: is_first
-        !> h a_ii, for stages with a known defect.
+        !> h a_ii; used if the error factor of the stage is known.
         real(wp), intent(in) :: ha
 
         goal%is_iterate = .true.
@@ -381,7 +384,7 @@ contains
         call chart%restore(t, self%dq, self%dqd, step_end, self%q, self%qd, stat)
     end subroutine restore
 
-    !> Complete the state at the end of a stiffly accurate step, whose last stage was solved last.
+    !> Complete the state at the end of a stiffly accurate step, whose last stage has been solved last.
     subroutine finish(self, chart, ha, next, stat)
         class(newton_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -399,24 +402,24 @@ contains
         next%qd = self%qd
         call chart%accelerate(next%t, next%q, next%qd, step_end, next%qdd, stat)
         taken = real(chart%counts%newton_corrections - self%counted, wp)
-        self%n_served = self%n_served + 1
+        self%n_steps_used = self%n_steps_used + 1
         self%spent = self%spent + taken
-        self%is_worn = self%is_worn .or. taken*self%n_served > self%spent
+        self%is_outdated = self%is_outdated .or. taken*self%n_steps_used > self%spent
     end subroutine finish
 
-    !> Pack the contractions of the stages, and cost and use of the matrix.
+    !> Pack the contractions of the stages, and the age and cost of the matrix.
     subroutine pack_state(self, pack)
         class(newton_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%theta)
-        call pack%item(self%told)
-        call pack%item(self%seen_change)
-        call pack%item(self%age, self%seen_steps)
-        call pack%item(self%n_served)
+        call pack%item(self%significant_theta)
+        call pack%item(self%observed_change)
+        call pack%item(self%age, self%observed_age)
+        call pack%item(self%n_steps_used)
         call pack%item(self%counted)
         call pack%item(self%spent, self%error_of_steps)
-        call pack%item(self%is_fresh, self%is_ahead, self%is_worn)
+        call pack%item(self%is_fresh, self%is_ahead, self%is_outdated)
         call self%prediction%pack_state(pack)
     end subroutine pack_state
 end module tandem_stepper_newton

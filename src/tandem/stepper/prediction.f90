@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
 !> Start values for the rates of an implicit stage.
 !>
-!> The polynomial through the nearest past stages misses the particular error of a stage: stages of a method of stage order 1 differ
-!> from the motion by some J h^2 y'', with a factor of their own. But this error of a stage, the miss, varies slowly from step to
-!> step. The misses of each stage's polynomial, over ha^2, are therefore stored and extrapolated over the last steps, by a
-!> polynomial of the degree that would have been best in the last step; nothing is added if that was best. The backward differences
-!> of the misses are stored: the error of the polynomial of degree k - 1 was the difference k.
+!> The polynomial through the nearest past stages ignores the particular error of each stage: stages of a method of stage order 1
+!> deviate from the motion by some J h^2 y'', with a factor that depends on the stage. The deviation of a stage from its polynomial,
+!> over ha^2, therefore varies slowly from step to step. Deviations are stored per stage and extrapolated to the next step. The
+!> degree of this extrapolation is the one that would have been best in the last step; no correction is added if that was best.
+!> Backward differences of the deviations are stored: the error of the extrapolation of degree k - 1 is the difference of order k.
 module tandem_stepper_prediction
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -15,27 +15,29 @@ module tandem_stepper_prediction
 
     public :: prediction_type
 
-    !> Number of differences stored for each stage: order 0 is the last miss itself.
+    !> Number of differences stored per stage. The difference of order 0 is the last deviation.
     integer, parameter :: depth = 6
-    !> Number of steps of equal size after which the next ones are expected to be equal: then differences of high order are more
-    !> accurate than past stages of this step, whose errors have other factors. Otherwise as many of each are used.
+    !> After `many_alike` steps of equal size, the next steps are expected to be equal too. Differences of high order are then more
+    !> accurate than additional past stages, whose own errors have other factors. Before, past stages and differences are used
+    !> alike.
     integer, parameter :: many_alike = 12, nodes(2) = [5, 3], most_kept(2) = [3, depth]
 
     type :: prediction_type
         private
-        !> Differences of misses over ha^2, velocities and accelerations: (2 n, depth, stages); numbers of stored and of used ones
-        !> (stages).
-        real(wp), allocatable :: miss(:, :, :)
+        !> Differences of deviations over ha^2, of velocities and of accelerations: (2 n, depth, stages). Numbers of stored and of
+        !> used differences (stages).
+        real(wp), allocatable :: deviation(:, :, :)
         integer, allocatable :: n_kept(:), order(:)
-        !> Start of the step of the newest miss (stages).
+        !> Start of the step of the last deviation (stages).
         real(wp), allocatable :: t_start(:)
-        !> ha of the last step; number of preceding steps with the same ha; 2 if there are `many_alike` of these, else 1.
+        !> ha of the last step; number of preceding steps with the same ha; 2 after `many_alike` such steps, otherwise 1: index in
+        !> `nodes` and `most_kept`.
         real(wp) :: ha = 0.0_wp
-        integer :: n_alike = 0, way = 1
-        !> Last extrapolation of past stages (n), a miss (2 n), weights of misses (2 n).
-        real(wp), allocatable :: plain_q(:), plain_qd(:), new(:), weight_of(:)
+        integer :: n_alike = 0, rule = 1
+        !> Last extrapolation of past stages (n), a deviation (2 n), weights of deviations (2 n).
+        real(wp), allocatable :: polynomial_q(:), polynomial_qd(:), new(:), weight_of(:)
     contains
-        procedure, public :: allocate => allocate_prediction, forget, predict, learn, pack_state
+        procedure, public :: allocate => allocate_prediction, clear, predict, store_deviation, pack_state
     end type prediction_type
 
 contains
@@ -50,22 +52,22 @@ contains
 
         n = size(scale)
         self%weight_of = [1.0_wp/scale, time_scale/scale]
-        if (allocated(self%miss)) deallocate (self%miss, self%n_kept, self%order, self%t_start, self%plain_q, self%plain_qd, &
-            self%new)
-        allocate (self%miss(2*n, depth, stages), self%t_start(stages), self%plain_q(n), self%plain_qd(n), self%new(2*n), &
-            source=0.0_wp)
+        if (allocated(self%deviation)) deallocate (self%deviation, self%n_kept, self%order, self%t_start, self%polynomial_q, &
+            self%polynomial_qd, self%new)
+        allocate (self%deviation(2*n, depth, stages), self%t_start(stages), source=0.0_wp)
+        allocate (self%polynomial_q(n), self%polynomial_qd(n), self%new(2*n), source=0.0_wp)
         allocate (self%n_kept(stages), self%order(stages), source=0)
     end subroutine allocate_prediction
 
-    !> Remove the misses: the past does not apply to the next step.
-    pure subroutine forget(self)
+    !> Remove all deviations, because the past does not apply to the next step.
+    pure subroutine clear(self)
         class(prediction_type), intent(inout) :: self
 
         self%n_kept = 0
         self%order = 0
-    end subroutine forget
+    end subroutine clear
 
-    !> Start values of the rates of a stage.
+    !> Predict the rates and the coordinates of a stage.
     subroutine predict(self, history, stage, t, ha, rate_q, rate_qd, q)
         class(prediction_type), intent(inout) :: self
         type(history_type), intent(in) :: history
@@ -79,39 +81,39 @@ contains
         integer :: i, j, n
 
         if (stage == 1) call compare_step(self, ha)
-        call history%extrapolate(t, self%plain_q, self%plain_qd, nodes(self%way), q)
+        call history%extrapolate(t, self%polynomial_q, self%polynomial_qd, nodes(self%rule), q)
         n = size(rate_q)
         self%new = 0.0_wp
         do j = self%order(stage), 1, -1
             do i = 1, 2*n
-                self%new(i) = self%new(i) + self%miss(i, j, stage)
+                self%new(i) = self%new(i) + self%deviation(i, j, stage)
             end do
         end do
         do i = 1, n
-            rate_q(i) = self%plain_q(i) + ha**2*self%new(i)
-            rate_qd(i) = self%plain_qd(i) + ha**2*self%new(n + i)
+            rate_q(i) = self%polynomial_q(i) + ha**2*self%new(i)
+            rate_qd(i) = self%polynomial_qd(i) + ha**2*self%new(n + i)
         end do
     end subroutine predict
 
-    !> Compare the step size with that of the previous steps.
+    !> Select the numbers of past stages and of differences by comparing the step size with previous ones.
     pure subroutine compare_step(self, ha)
         type(prediction_type), intent(inout) :: self
         real(wp), intent(in) :: ha
-        !> Steps of a grid differ by the rounding of the time.
+        !> Equal steps of a time grid differ by rounding errors of the time.
         real(wp), parameter :: rounding = 1.0e-6_wp
-        integer :: way
+        integer :: rule
 
         self%n_alike = merge(min(self%n_alike + 1, many_alike), 0, abs(ha - self%ha) <= rounding*ha)
         self%ha = ha
-        way = merge(2, 1, self%n_alike == many_alike)
-        if (way == self%way) return
-        ! Stored misses belong to another polynomial.
-        self%way = way
-        call self%forget()
+        rule = merge(2, 1, self%n_alike == many_alike)
+        if (rule == self%rule) return
+        ! Stored deviations are from another polynomial.
+        self%rule = rule
+        call self%clear()
     end subroutine compare_step
 
-    !> Store the miss of the stage that was predicted last, given its solution.
-    subroutine learn(self, stage, t_start, ha, rate_q, rate_qd)
+    !> Store the deviation of the stage that was predicted last, given its solution.
+    subroutine store_deviation(self, stage, t_start, ha, rate_q, rate_qd)
         class(prediction_type), intent(inout) :: self
         integer, intent(in) :: stage
         !> Start of the step and h a_ii.
@@ -123,39 +125,39 @@ contains
 
         n = size(rate_q)
         do i = 1, n
-            self%new(i) = (rate_q(i) - self%plain_q(i))/ha**2
-            self%new(n + i) = (rate_qd(i) - self%plain_qd(i))/ha**2
+            self%new(i) = (rate_q(i) - self%polynomial_q(i))/ha**2
+            self%new(n + i) = (rate_qd(i) - self%polynomial_qd(i))/ha**2
         end do
         associate (kept => self%n_kept(stage))
-            ! A repeated step replaces the miss of its first trial.
+            ! A repeated step replaces the deviation of its first attempt.
             if (kept > 0 .and. abs(t_start - self%t_start(stage)) <= 0.0_wp) then
                 do i = 1, 2*n
-                    change = self%new(i) - self%miss(i, 1, stage)
+                    change = self%new(i) - self%deviation(i, 1, stage)
                     do j = 1, kept
-                        self%miss(i, j, stage) = self%miss(i, j, stage) + change
+                        self%deviation(i, j, stage) = self%deviation(i, j, stage) + change
                     end do
                 end do
                 return
             end if
-            n_new = min(kept + 1, most_kept(self%way))
+            n_new = min(kept + 1, most_kept(self%rule))
             do j = 0, n_new - 1
                 error(j) = size_of(2*n, self%new, self%weight_of)
                 do i = 1, 2*n
                     change = self%new(i)
-                    self%new(i) = change - self%miss(i, j + 1, stage)
-                    self%miss(i, j + 1, stage) = change
+                    self%new(i) = change - self%deviation(i, j + 1, stage)
+                    self%deviation(i, j + 1, stage) = change
                 end do
             end do
             if (n_new == kept) error(kept) = size_of(2*n, self%new, self%weight_of)
             self%order(stage) = minloc(error(:kept), dim=1) - 1
-            ! Without a comparison, use the new difference.
+            ! Use the first stored difference, since there is no other one to compare it with.
             if (kept == 0) self%order(stage) = 1
-            kept = min(kept + 1, most_kept(self%way))
+            kept = min(kept + 1, most_kept(self%rule))
         end associate
         self%t_start(stage) = t_start
-    end subroutine learn
+    end subroutine store_deviation
 
-    !> sum |x| w, in independent partial sums.
+    !> sum |x| w. Several partial sums allow pipelining.
     pure real(wp) function size_of(n, x, weight)
         integer, intent(in) :: n
         real(wp), intent(in) :: x(n), weight(n)
@@ -175,15 +177,15 @@ contains
         size_of = sum(sums)
     end function size_of
 
-    !> Pack the misses.
+    !> Pack the deviations.
     subroutine pack_state(self, pack)
         class(prediction_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%miss)
+        call pack%item(self%deviation)
         call pack%item(self%n_kept, self%order)
         call pack%item(self%t_start)
         call pack%item(self%ha)
-        call pack%item(self%n_alike, self%way)
+        call pack%item(self%n_alike, self%rule)
     end subroutine pack_state
 end module tandem_stepper_prediction

@@ -3,8 +3,8 @@
 !> stages are solved together: the eigenvalues of A split their Newton system into one real system and complex pairs of the size of
 !> one stage.
 !>
-!> The number of stages may be chosen from step to step: it minimises the work per unit of time, predicted from the errors and the
-!> convergence of the last steps.
+!> The number of stages may change from step to step. It minimises the work per unit of time, which is predicted from the errors and
+!> the convergence of the last steps.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., sections IV.5 and IV.8; E. Hairer, G. Wanner, Stiff
 !> differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999) 93-111.
 module tandem_stepper_radau
@@ -27,29 +27,29 @@ module tandem_stepper_radau
 
     !> The method with automatic choice of the order.
     type, extends(implicit_type) :: radau_type
-        !> Smallest and largest number of stages. To be set before `initialize`.
+        !> Smallest and largest number of stages. Set them before `initialize`.
         integer :: least = 3, most = most_stages
         type(newton_type), private :: newton
         type(history_type), private :: history
-        !> Method of the last step; number of stages for the next one; data of the choice.
+        !> Method of the last step; number of stages of the next step; data of the choice.
         type(tableau_type), private :: tableau
         integer, private :: wanted = 3
         type(choice_type), private :: choice
         !> Rates, positions and velocities of the stages (n, stages).
         real(wp), allocatable, private :: rate_q(:, :), rate_qd(:, :), q(:, :), qd(:, :)
-        !> Residuals and corrections of the stages (height, stages), and their transforms. The height is the chart's n_residual, and
-        !> at least 2 n, because sweeps store the rates of the stages here.
+        !> Residuals and corrections of the stages (height, stages), and their transforms. The height is the chart's n_residual, but
+        !> at least 2 n, because `rescue` stores the rates of the stages here.
         real(wp), allocatable, private :: residual(:, :), transformed(:, :)
-        !> Increments and rates at the start of the step, errors (n).
+        !> Increments and rates at the start of the step; errors (n).
         real(wp), allocatable, private :: start_dq(:), start_dqd(:), start_q(:), start_qd(:), error_q(:), error_qd(:), dq(:), &
             dqd(:)
-        real(wp), private :: t_start = 0.0_wp, tolerance = 0.0_wp, standstill = 0.0_wp
+        real(wp), private :: t_start = 0.0_wp, tolerance = 0.0_wp, rounding_limit = 0.0_wp
         !> theta/(1 - theta) of the last step's Newton iteration.
         real(wp), private :: remainder = 1.0_wp
-        !> True if the previous step was accepted, so that its error predicts that of the next one.
+        !> True if the previous step was accepted, so that its error helps to predict the next error.
         logical, private :: is_settled = .false.
-        !> Size beyond which the stages of steps are hard to solve; true if those of the last step were.
-        real(wp), private :: easy = huge(1.0_wp)
+        !> Step size above which stages are hard to solve; true if the stages of the last step were hard to solve.
+        real(wp), private :: easy_size = huge(1.0_wp)
         logical, private :: was_hard = .false.
     contains
         procedure, nopass :: properties
@@ -58,8 +58,8 @@ module tandem_stepper_radau
     end type radau_type
 
     interface
-        !> Solve the three stages if no matrix predicted from the past succeeds: from the end of a shorter step; if this fails, with
-        !> matrices made at the last iterate, and finally stage by stage.
+        !> Solve the three stages if this failed with all predicted start values and matrices. The following are tried in turn:
+        !> start values from the end of a shorter step; matrices made at the last iterate; solving the stages one by one.
         module subroutine rescue(self, chart, state, h, t_end, stat)
             implicit none (type, external)
             class(radau_type), intent(inout) :: self
@@ -74,7 +74,7 @@ module tandem_stepper_radau
 
 contains
 
-    !> Properties of the method with the smallest number of stages, with which it begins.
+    !> Properties of the method with the smallest number of stages, which the first steps use.
     pure function properties() result(properties_)
         type(properties_type) :: properties_
 
@@ -90,10 +90,10 @@ contains
 
         n = size(scale)
         self%tolerance = newton_tolerance
-        self%standstill = 1.0e3_wp*newton_tolerance
+        self%rounding_limit = 1.0e3_wp*newton_tolerance
         self%remainder = 1.0_wp
         self%is_settled = .false.
-        self%easy = huge(1.0_wp)
+        self%easy_size = huge(1.0_wp)
         self%was_hard = .false.
         self%wanted = self%least
         self%tableau = tableau_of(self%least)
@@ -109,7 +109,8 @@ contains
         end associate
     end subroutine initialize
 
-    !> Enlarge residuals to the size required by a chart: before the first step, and after the number of rows in use has grown.
+    !> Enlarge the residuals to the size that a chart requires: before the first step, and after the number of rows in use has
+    !> grown.
     subroutine fit_residuals(self, height)
         class(radau_type), intent(inout) :: self
         !> The chart's n_residual.
@@ -120,8 +121,8 @@ contains
         allocate (self%residual(height, self%most), self%transformed(height, self%most), source=0.0_wp)
     end subroutine fit_residuals
 
-    !> One step: from the extrapolated past; if this fails with an old matrix, with a new one; then with fewer stages, if allowed,
-    !> in a shorter step, because the step size for more stages is too large for them.
+    !> Perform one step. The following are tried in turn: extrapolation of the history; if the matrix is from an earlier step, a new
+    !> matrix; if allowed, fewer stages with a shorter step, since a step size for more stages is too large for fewer.
     subroutine advance_stages(self, chart, state, h, next, stat)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -142,7 +143,7 @@ contains
         if (.not. continues) then
             self%is_settled = .false.
             self%wanted = self%least
-            call self%choice%forget()
+            call self%choice%clear()
         end if
         if (self%wanted /= self%tableau%stages) call change_stages(self)
         associate (m => self%tableau, s => self%tableau%stages)
@@ -180,11 +181,11 @@ contains
         call self%choice%restart(self%wanted > self%tableau%stages)
         self%tableau = tableau_of(self%wanted)
         self%remainder = 1.0_wp
-        ! The cost of past corrections does not apply to another number of stages.
-        self%newton%is_worn = .true.
+        ! The cost of corrections with another number of stages is not comparable.
+        self%newton%is_outdated = .true.
     end subroutine change_stages
 
-    !> Solve for all stages.
+    !> Solve the stages.
     subroutine solve_stages(self, chart, state, h, t_end, stat)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -192,7 +193,7 @@ contains
         !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
         integer, intent(out) :: stat
-        !> Number of corrections before another start value or matrix is tried.
+        !> Number of corrections after which another start value or matrix is tried.
         integer, parameter :: few = 12
         logical :: is_new
         integer :: failure
@@ -207,30 +208,31 @@ contains
             call predict(self, h)
             call self%iterate(chart, h, t_end, few, stat)
         end do
-        if (chart%follows_stiffness .and. self%tableau%stages == 3) call judge_stages(self, chart, h, stat /= status_ok)
+        if (chart%follows_stiffness .and. self%tableau%stages == 3) call limit_step_size(self, chart, h, stat /= status_ok)
         if (stat /= status_ok .and. self%tableau%stages == 3) call rescue(self, chart, state, h, t_end, stat)
     end subroutine solve_stages
 
-    !> Limit the step size after a step whose stages were hard to solve, as the chart requests: smaller, then slowly growing. If
-    !> the smaller step was hard too, as near a loss of rank, the step size is not the cause and the limit is lifted. With charts
-    !> that do not follow the stiffness, stages become harder with it, and the number of such steps would grow.
-    pure subroutine judge_stages(self, chart, h, is_hard)
+    !> Limit the step size after a step whose stages were hard to solve, if the chart requests this: smaller first, then growing
+    !> slowly. If the smaller step is hard too, as near a loss of rank, the step size is not the cause, and the limit is removed. On
+    !> charts that do not follow the stiffness, the stages of stiff systems are always hard to solve, and the limit would cost many
+    !> steps.
+    pure subroutine limit_step_size(self, chart, h, is_hard)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(in) :: chart
         real(wp), intent(in) :: h
         logical, intent(in) :: is_hard
 
         if (.not. is_hard) then
-            self%easy = chart%easing*min(self%easy, huge(1.0_wp)/2)
+            self%easy_size = chart%easing*min(self%easy_size, huge(1.0_wp)/2)
         else if (self%was_hard) then
-            self%easy = huge(1.0_wp)
+            self%easy_size = huge(1.0_wp)
         else
-            self%easy = chart%after_hard_step*h
+            self%easy_size = chart%after_hard_step*h
         end if
         self%was_hard = is_hard
-    end subroutine judge_stages
+    end subroutine limit_step_size
 
-    !> Start values of the stages from the past.
+    !> Start values of the stages by extrapolation of the history.
     subroutine predict(self, h)
         class(radau_type), intent(inout) :: self
         real(wp), intent(in) :: h
@@ -250,9 +252,9 @@ contains
         real(wp), intent(in) :: h, t_end
         integer, intent(in) :: most_corrections
         integer, intent(out) :: stat
-        !> Contraction of corrections due to rounding.
-        real(wp), parameter :: creeping = 0.7_wp
-        !> Largest ratio of the second correction to the first.
+        !> Contraction that indicates corrections of the size of rounding errors.
+        real(wp), parameter :: stagnating = 0.7_wp
+        !> Largest accepted ratio of the second correction to the first.
         real(wp), parameter :: coupling = 10.0_wp
         real(wp) :: change, last_change, theta
         integer :: k
@@ -266,12 +268,13 @@ contains
             else
                 theta = change/last_change
                 call self%choice%note_contraction(theta)
-                if (change <= self%standstill .and. .not. theta < merge(0.95_wp, creeping, k == 2)) return
-                ! The remainder of the first correction from coupled stages appears in the second, and disappears with the third.
+                if (change <= self%rounding_limit .and. .not. theta < merge(0.95_wp, stagnating, k == 2)) return
+                ! Coupling of the stages can leave an error of the first correction, which appears in the second and vanishes with
+                ! the third.
                 if (k > 2 .or. .not. theta < coupling) then
                     if (.not. theta < 0.95_wp) exit
-                    ! Stop if the remaining corrections cannot reach the tolerance.
-                    if (theta**(most_corrections - k)*change > (1.0_wp - theta)*self%standstill) exit
+                    ! Stop if the remaining corrections cannot attain the tolerance.
+                    if (theta**(most_corrections - k)*change > (1.0_wp - theta)*self%rounding_limit) exit
                 end if
                 self%remainder = 1.0_wp
                 if (theta < 0.95_wp) self%remainder = theta/(1.0_wp - theta)
@@ -283,15 +286,15 @@ contains
         stat = status_newton_failed
     end subroutine iterate
 
-    !> One correction of all stages.
+    !> Perform one correction of all stages.
     subroutine correct(self, chart, is_first, h, t_end, change, stat)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
-        !> True for the first iterates of the stages, from predicted rates and coordinates.
+        !> True for the first iterates, which are predicted rates and coordinates.
         logical, intent(in) :: is_first
         !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
-        !> Largest change of a stage.
+        !> Largest correction of a stage.
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
         real(wp) :: stage_change, t
@@ -309,7 +312,7 @@ contains
                 self%dqd = self%start_dqd + h*self%dqd
                 t = self%t_start + tableau%c(i)*h
                 if (i == s) t = t_end
-                ! Components of a stage's rates that the chart ignores are changed below, for all stages.
+                ! The chart ignores components of the rates. They are changed below, for all stages together.
                 self%residual(:m, i) = 0.0_wp
                 call chart%find_residual(self%newton%goal(i, is_first, h), t, self%dq, self%dqd, self%q(:, i), self%qd(:, i), &
                     self%rate_q(:, i), self%rate_qd(:, i), self%residual(:m, i), stat)
@@ -332,9 +335,9 @@ contains
         end associate
     end subroutine correct
 
-    !> y(:m) := sum_j weight(j) x(:m, j); with three columns at once, as in most steps.
+    !> y(:m) := sum_j weight(j) x(:m, j). Three columns, the most frequent case, are summed at once.
     pure subroutine combine(m, height, columns, weight, x, y)
-        !> Number of used rows; rows and columns of x.
+        !> Number of rows to compute; rows and columns of x.
         integer, intent(in) :: m, height, columns
         real(wp), intent(in) :: weight(columns), x(height, columns)
         real(wp), intent(inout) :: y(height)
@@ -352,8 +355,8 @@ contains
         end do
     end subroutine combine
 
-    !> Error of the last step (IV.8.19); if it is large in a first step or after a rejection, with the rates at the resulting state
-    !> (IV.8.20), so that a fast transient does not count as an error.
+    !> Error of the last step (IV.8.19). If it is large in a first step or after a rejection, it is evaluated again with the rates
+    !> at the resulting state (IV.8.20), so that a fast transient does not count as an error.
     subroutine estimate_stages(self, chart, h, weight_q, weight_qd, norm)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -362,7 +365,7 @@ contains
         real(wp), intent(out) :: norm
         integer :: stat
 
-        call embed(self, h)
+        call set_embedded_difference(self, h)
         call chart%filter(self%error_q, self%error_qd)
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
         if (norm >= 1.0_wp .and. .not. self%is_settled) then
@@ -374,7 +377,7 @@ contains
                 if (stat == status_ok) then
                     self%start_q = qd
                     self%start_qd = self%dqd
-                    call embed(self, h)
+                    call set_embedded_difference(self, h)
                     call chart%filter(self%error_q, self%error_qd)
                     norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
                 end if
@@ -384,8 +387,8 @@ contains
         if (self%is_settled .and. self%most > self%least) call choose_stages(self, chart, h, weight_q, weight_qd, norm)
     end subroutine estimate_stages
 
-    !> Difference from the embedded formula.
-    subroutine embed(self, h)
+    !> Set the difference from the embedded formula.
+    subroutine set_embedded_difference(self, h)
         class(radau_type), intent(inout) :: self
         real(wp), intent(in) :: h
         real(wp) :: weight
@@ -400,9 +403,9 @@ contains
                 self%error_qd = self%error_qd + weight*self%rate_qd(:, j)
             end do
         end associate
-    end subroutine embed
+    end subroutine set_embedded_difference
 
-    !> Choose the stages of the next step, if a choice is due.
+    !> Choose the number of stages of the next step, if a choice is due.
     subroutine choose_stages(self, chart, h, weight_q, weight_qd, norm)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -419,13 +422,13 @@ contains
             fewer = huge(1.0_wp)
             more = huge(1.0_wp)
             if (s > self%least) fewer = error_with(s - 2)
-            if (s < self%most .and. self%history%knows(s + 2)) more = error_with(s + 2)
+            if (s < self%most .and. self%history%has_order(s + 2)) more = error_with(s + 2)
             call self%choice%choose(s, h, norm, fewer, more, self%wanted)
         end associate
 
     contains
 
-        !> Error that the last step would have had with another number of stages, from the divided difference of the last rates.
+        !> Error of the last step with another number of stages, from the divided difference of the last rates.
         real(wp) function error_with(stages)
             integer, intent(in) :: stages
             type(tableau_type) :: other
@@ -441,8 +444,9 @@ contains
         end function error_with
     end subroutine choose_stages
 
-    !> Collocation polynomial: increments between the ends have the order of the stages, independent of stiffness. Its integrals use
-    !> the method's own nodes, which are exact for polynomials of twice its degree.
+    !> Increments at a time within the last step, by the collocation polynomial. Between the ends of the step they have the order of
+    !> the stages, independent of stiffness. The polynomial is integrated with the nodes of the method itself, which are exact for
+    !> polynomials of twice its degree.
     subroutine interpolate(self, chart, start, arrived, state, slope_q, slope_qd, stat)
         class(radau_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
@@ -475,7 +479,7 @@ contains
         end associate
     end subroutine interpolate
 
-    !> Lagrange polynomial of a node.
+    !> Lagrange polynomial of node j.
     pure real(wp) function part(c, j, x)
         real(wp), intent(in) :: c(:)
         integer, intent(in) :: j
@@ -488,22 +492,22 @@ contains
         end do
     end function part
 
-    !> Largest next step: stages of long steps with many corrections cost more than those of several shorter steps, and a step with
-    !> fewer stages than the last one must be shorter.
+    !> Largest size of the next step. Stages of long steps that need many corrections cost more than those of several shorter steps,
+    !> and a step with fewer stages must be shorter.
     pure real(wp) function longest_next(self)
         class(radau_type), intent(in) :: self
 
-        longest_next = min(self%easy, self%choice%longest)
+        longest_next = min(self%easy_size, self%choice%longest)
     end function longest_next
 
-    !> Order of the error estimate of the last step: its power of the step size, minus one.
+    !> Order of the error estimate of the last step, which is proportional to the step size to the power of this order plus one.
     pure integer function order_of_estimate(self)
         class(radau_type), intent(in) :: self
 
         order_of_estimate = self%tableau%stages
     end function order_of_estimate
 
-    !> Pack the state for the next steps, and for dense output of the last one.
+    !> Pack the state on which the next steps and the dense output of the last step depend.
     subroutine pack_state(self, pack)
         class(radau_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
@@ -519,7 +523,7 @@ contains
         call pack%item(self%rate_q, self%rate_qd)
         call pack%item(self%remainder)
         call pack%item(self%is_settled)
-        call pack%item(self%easy)
+        call pack%item(self%easy_size)
         call pack%item(self%was_hard)
     end subroutine pack_state
 end module tandem_stepper_radau

@@ -1,11 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Number of stages for a step of Radau IIA that minimises the work per unit of time.
+!> Choice of the number of stages of Radau IIA that minimises the work per unit of time.
 !>
-!> The work is that of Newton's iteration, stages times corrections. The step size for another number of stages s follows from the
-!> error that the last step would have had with it, which is proportional to the power s + 1 of the step size; the number of
-!> corrections follows from the contraction of the iteration, which is proportional to the step size. More stages are cheaper if a
-!> tight tolerance requires small steps and the matrix is still accurate for longer ones. Each prediction is compared with the
-!> actual work, which gives a correction factor for the next prediction.
+!> The work is the number of stages times the number of corrections in Newton's iteration. The step size with another number of
+!> stages s follows from the error that the last step would have had with s stages, which is proportional to the power s + 1 of the
+!> step size. The number of corrections follows from the contraction of the iteration, which is proportional to the step size. More
+!> stages are cheaper if a tight tolerance requires small steps for which the matrix is more accurate than necessary. The actual
+!> work is compared with the predicted work, which gives a correction factor for later predictions.
 module tandem_stepper_radau_choice
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -18,72 +18,75 @@ module tandem_stepper_radau_choice
         !> Limit of the next step after a choice of fewer stages; huge if there is none.
         real(wp) :: longest = huge(1.0_wp)
         !> Number of steps with the present number of stages; its value at the last choice.
-        integer, private :: steps = 0, asked = 0
-        !> Worst contraction of corrections in the last steps, with fading memory; that of the last step.
+        integer, private :: steps = 0, steps_at_choice = 0
+        !> Worst contraction in recent steps, whose weights decay; contraction in the last step.
         real(wp), private :: contraction = 0.3_wp, last = 0.0_wp
-        !> Cost of the run so far, in corrections, negative if unknown; cost and duration of the last steps; cost per unit of time
-        !> before the last increase of the number of stages.
-        real(wp), private :: cost = -1.0_wp, spent = 0.0_wp, span = 0.0_wp, rate_before = 0.0_wp
-        !> Predicted part of this cost, 0 if there is no prediction or it has been compared; ratio of actual to predicted cost.
-        real(wp), private :: promised = 0.0_wp, excess = 1.0_wp
-        !> Number of consecutive increases of the number of stages that increased the cost.
-        integer, private :: disappointed = 0
+        !> Cost of the run so far in corrections, negative if unknown; cost and duration of recent steps, whose weights decay; cost
+        !> per unit of time before the last increase of the number of stages.
+        real(wp), private :: cost = -1.0_wp, recent_cost = 0.0_wp, recent_time = 0.0_wp, rate_before = 0.0_wp
+        !> Predicted ratio of the cost after to the cost before the last increase, 0 if there is no prediction or it has already
+        !> been compared; ratio of actual to predicted cost.
+        real(wp), private :: predicted = 0.0_wp, cost_factor = 1.0_wp
+        !> Number of consecutive increases of the number of stages that raised the cost.
+        integer, private :: n_unsuccessful = 0
     contains
-        procedure :: restart, forget, note_failure, note_step, note_contraction, is_due, choose, pack_state
+        procedure :: restart, clear, note_failure, note_step, note_contraction, is_due, choose, pack_state
     end type choice_type
 
-    !> Number of steps before more stages are allowed, doubled after each unsuccessful increase, and the largest number of
+    !> Number of steps before more stages are allowed, which is doubled after each unsuccessful increase; largest number of
     !> doublings; number of steps before fewer stages are allowed; number of steps between choices.
-    integer, parameter :: patience = 10, most_doublings = 4, haste = 3, pause = 3
-    !> Number of steps with more stages before the comparison, and number of first steps excluded from it, which are too short.
-    integer, parameter :: trial = 7, growing = 3
-    !> Factors of fading memory per step, for the contraction and for the costs, and per choice, for the excess; largest excess.
-    real(wp), parameter :: remembered = 0.7_wp, fading = 0.8_wp, forgiving = 0.99_wp, most_excess = 4.0_wp
-    !> Largest ratio of work at which the number of stages changes: to more, and to fewer.
+    integer, parameter :: steps_before_more = 10, most_doublings = 4, steps_before_fewer = 3, steps_between = 3
+    !> Number of steps after an increase until the costs are compared; number of first steps that are excluded from the comparison,
+    !> because they are too short.
+    integer, parameter :: trial_steps = 7, excluded_steps = 3
+    !> Decay factors per step of the contraction and of the costs; decay factor per choice of the correction factor; largest
+    !> correction factor.
+    real(wp), parameter :: contraction_decay = 0.7_wp, cost_decay = 0.8_wp, factor_decay = 0.99_wp, max_cost_factor = 4.0_wp
+    !> Largest ratio of predicted to present work for changing to more stages and to fewer stages.
     real(wp), parameter :: worth_more = 0.7_wp, worth_fewer = 0.9_wp
-    !> Largest ratio of step sizes in a prediction.
-    real(wp), parameter :: farthest = 4.0_wp
-    !> Smallest error, relative to the tolerance, of a step whose size follows from errors.
-    real(wp), parameter :: steady = 1.0e-2_wp
-    !> Largest contraction for trying more stages; contraction that requires fewer.
+    !> Largest predicted ratio of step sizes.
+    real(wp), parameter :: largest_growth = 4.0_wp
+    !> Error relative to the tolerance below which the step size does not follow from errors.
+    real(wp), parameter :: smallest_error = 1.0e-2_wp
+    !> Largest contraction with which more stages are tried; contraction from which fewer stages are required.
     real(wp), parameter :: slow = 0.3_wp, slowest = 0.8_wp
 
 contains
 
-    !> Start with another number of stages.
-    pure subroutine restart(self, is_promised)
+    !> Begin with another number of stages.
+    pure subroutine restart(self, is_predicted)
         class(choice_type), intent(inout) :: self
-        !> True after an increase chosen for its predicted cost.
-        logical, intent(in) :: is_promised
+        !> True after an increase that was chosen for its predicted cost.
+        logical, intent(in) :: is_predicted
 
-        real(wp) :: promised
+        real(wp) :: predicted
 
-        promised = 0.0_wp
-        if (is_promised .and. self%span > 0.0_wp) promised = self%promised
-        if (promised > 0.0_wp) self%rate_before = self%spent/self%span
-        call self%forget()
-        self%promised = promised
+        predicted = 0.0_wp
+        if (is_predicted .and. self%recent_time > 0.0_wp) predicted = self%predicted
+        if (predicted > 0.0_wp) self%rate_before = self%recent_cost/self%recent_time
+        call self%clear()
+        self%predicted = predicted
     end subroutine restart
 
-    !> Discard the past, which does not apply to the next step; that step has the smallest number of stages.
-    pure subroutine forget(self)
+    !> Discard all data, because they do not apply to the next step, which has the smallest number of stages.
+    pure subroutine clear(self)
         class(choice_type), intent(inout) :: self
 
-        self%promised = 0.0_wp
-        self%spent = 0.0_wp
-        self%span = 0.0_wp
+        self%predicted = 0.0_wp
+        self%recent_cost = 0.0_wp
+        self%recent_time = 0.0_wp
         self%steps = 0
-        self%asked = 0
+        self%steps_at_choice = 0
         self%longest = huge(1.0_wp)
-    end subroutine forget
+    end subroutine clear
 
     !> Record a failure of Newton's iteration with more than the smallest number of stages.
     pure subroutine note_failure(self)
         class(choice_type), intent(inout) :: self
 
-        self%promised = 0.0_wp
-        self%excess = min(most_excess, 2*self%excess)
-        self%disappointed = min(most_doublings, self%disappointed + 1)
+        self%predicted = 0.0_wp
+        self%cost_factor = min(max_cost_factor, 2*self%cost_factor)
+        self%n_unsuccessful = min(most_doublings, self%n_unsuccessful + 1)
     end subroutine note_failure
 
     !> Record an accepted step.
@@ -93,26 +96,27 @@ contains
         real(wp), intent(in) :: h, cost
 
         self%steps = self%steps + 1
-        if (self%cost >= 0.0_wp .and. .not. (self%promised > 0.0_wp .and. self%steps <= growing)) then
-            self%spent = fading*self%spent + (cost - self%cost)
-            self%span = fading*self%span + h
+        if (self%cost >= 0.0_wp .and. .not. (self%predicted > 0.0_wp .and. self%steps <= excluded_steps)) then
+            self%recent_cost = cost_decay*self%recent_cost + (cost - self%cost)
+            self%recent_time = cost_decay*self%recent_time + h
         end if
         self%cost = cost
-        self%contraction = min(1.0_wp, max(self%last, remembered*self%contraction))
+        self%contraction = min(1.0_wp, max(self%last, contraction_decay*self%contraction))
         self%last = 0.0_wp
         self%longest = huge(1.0_wp)
-        if (self%promised > 0.0_wp .and. self%steps >= trial) then
-            self%excess = min(most_excess, max(1.0_wp, self%spent/(self%span*self%rate_before*self%promised)))
-            if (self%excess*self%promised > 1.0_wp) then
-                self%disappointed = min(most_doublings, self%disappointed + 1)
+        if (self%predicted > 0.0_wp .and. self%steps >= trial_steps) then
+            self%cost_factor = min(max_cost_factor, &
+                max(1.0_wp, self%recent_cost/(self%recent_time*self%rate_before*self%predicted)))
+            if (self%cost_factor*self%predicted > 1.0_wp) then
+                self%n_unsuccessful = min(most_doublings, self%n_unsuccessful + 1)
             else
-                self%disappointed = 0
+                self%n_unsuccessful = 0
             end if
-            self%promised = 0.0_wp
+            self%predicted = 0.0_wp
         end if
     end subroutine note_step
 
-    !> Record the ratio of a correction to the previous one.
+    !> Record the contraction of the last step: the ratio of a correction to the previous one.
     pure subroutine note_contraction(self, theta)
         class(choice_type), intent(inout) :: self
         real(wp), intent(in) :: theta
@@ -126,33 +130,36 @@ contains
         !> Error of the step.
         real(wp), intent(in) :: norm
 
-        is_due = self%steps >= haste .and. self%steps >= self%asked + pause .and. norm >= steady
-        if (is_due) self%asked = self%steps
+        is_due = norm >= smallest_error .and. self%steps >= steps_before_fewer .and. &
+            self%steps >= self%steps_at_choice + steps_between
+        if (is_due) self%steps_at_choice = self%steps
     end function is_due
 
-    !> Choose the stages of the next step.
+    !> Choose the number of stages of the next step.
     subroutine choose(self, stages, h, norm, fewer, more, wanted)
         class(choice_type), intent(inout) :: self
         !> Number of stages of the last step.
         integer, intent(in) :: stages
-        !> Its size and error, and the errors it would have had with two stages fewer and two more; huge if not allowed.
+        !> Size and error of the last step; errors that it would have had with two stages fewer and two stages more, huge if these
+        !> are not allowed.
         real(wp), intent(in) :: h, norm, fewer, more
         integer, intent(inout) :: wanted
         real(wp) :: now, other
 
         wanted = stages
         now = work(norm, stages)
-        self%excess = 1.0_wp + forgiving*(self%excess - 1.0_wp)
-        if (more < huge(1.0_wp) .and. self%steps >= patience*2**self%disappointed .and. self%contraction <= slow) then
+        self%cost_factor = 1.0_wp + factor_decay*(self%cost_factor - 1.0_wp)
+        if (more < huge(1.0_wp) .and. self%contraction <= slow .and. &
+            self%steps >= steps_before_more*2**self%n_unsuccessful) then
             other = work(more, stages + 2)
-            if (self%excess*other < worth_more*now) then
+            if (self%cost_factor*other < worth_more*now) then
                 wanted = stages + 2
-                self%promised = other/now
+                self%predicted = other/now
             end if
         end if
         if (fewer < huge(1.0_wp)) then
             other = work(fewer, stages - 2)
-            if (other < worth_fewer*self%excess*now .or. self%contraction >= slowest) then
+            if (other < worth_fewer*self%cost_factor*now .or. self%contraction >= slowest) then
                 wanted = stages - 2
                 self%longest = 0.8_wp*h*reach(fewer, stages - 2)
             end if
@@ -160,12 +167,12 @@ contains
 
     contains
 
-        !> Ratio of the step size allowed by the error to the last one.
+        !> Ratio of the step size that the error allows to the last step size.
         pure real(wp) function reach(error, s)
             real(wp), intent(in) :: error
             integer, intent(in) :: s
 
-            reach = min(farthest, max(error, tiny(1.0_wp))**(-1.0_wp/real(s + 1, wp)))
+            reach = min(largest_growth, max(error, tiny(1.0_wp))**(-1.0_wp/real(s + 1, wp)))
         end function reach
 
         !> Work per unit of time with s stages.
@@ -186,9 +193,9 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%longest)
-        call pack%item(self%steps, self%asked)
-        call pack%item(self%contraction, self%last, self%cost, self%spent, self%span)
-        call pack%item(self%rate_before, self%promised, self%excess)
-        call pack%item(self%disappointed)
+        call pack%item(self%steps, self%steps_at_choice)
+        call pack%item(self%contraction, self%last, self%cost, self%recent_cost, self%recent_time)
+        call pack%item(self%rate_before, self%predicted, self%cost_factor)
+        call pack%item(self%n_unsuccessful)
     end subroutine pack_state
 end module tandem_stepper_radau_choice

@@ -1,46 +1,48 @@
 ! SPDX-License-Identifier: MIT
-!> Fallbacks for a step of Radau IIA with three stages before it fails.
+!> Last attempts to solve the stages of a step of Radau IIA with three stages before it fails.
 submodule(tandem_stepper_radau) tandem_stepper_radau_rescue
     use tandem_stepper_radau_tableau, only: a => a3
     implicit none (type, external)
 
-    !> A = L U, U with a unit diagonal; l(:, i) is the row of stage i.
+    !> A = L U, where U has a unit diagonal; l(:, i) is the row of stage i.
     real(wp), parameter :: u12 = a(2, 1)/a(1, 1), u13 = a(3, 1)/a(1, 1), l22 = a(2, 2) - a(1, 2)*u12, &
         l32 = a(2, 3) - a(1, 3)*u12, u23 = (a(3, 2) - a(1, 2)*u13)/l22
     real(wp), parameter :: l(3, 3) = reshape([a(1, 1), 0.0_wp, 0.0_wp, a(1, 2), l22, 0.0_wp, &
         a(1, 3), l32, a(3, 3) - a(1, 3)*u13 - l32*u23], [3, 3])
 
-    !> Largest number of corrections of an iteration without start values from the past: fewer cost less than a failure.
+    !> Largest number of corrections of an iteration that does not begin with a prediction. Many corrections cost less than a failed
+    !> step.
     integer, parameter :: many = 60
 
 contains
 
     module procedure rescue
-        !> Largest number of matrices made in the middle of the step.
+        !> Largest number of matrices made at the middle of the step.
         integer, parameter :: most_matrices = 2
         integer :: k
 
         call continue_from_short(self, chart, state, h, t_end, stat)
         do k = 1, most_matrices
             if (stat /= status_newton_failed) exit
-            ! The motion in the middle of the last iterate may be closer to the stages.
+            ! The motion at the middle of the last iterate may be closer to the stages than the extrapolation.
             associate (m => self%tableau)
                 call self%newton%renew(chart, state%t + m%c(2)*h, self%q(:, 2), self%qd(:, 2), self%rate_qd(:, 2), &
                     m%diagonal*h, stat)
             end associate
-            self%newton%is_worn = .true.
+            self%newton%is_outdated = .true.
             if (stat /= status_ok) exit
-            call hold(self, state%q, state%qd, state%qdd)
+            call start_all_stages(self, state%q, state%qd, state%qdd)
             call self%iterate(chart, h, t_end, many, stat)
         end do
         if (stat == status_newton_failed) then
-            call hold(self, state%q, state%qd, state%qdd)
-            call solve_in_turn(self, chart, h, t_end, stat)
+            call start_all_stages(self, state%q, state%qd, state%qdd)
+            call sweep_stages(self, chart, h, t_end, stat)
         end if
     end procedure rescue
 
-    !> Start values of the stages from the end of shorter steps, each four times as long as the previous one: there a transient that
-    !> the rates at the start of the step would extrapolate too far has decayed. The last of them is the step itself.
+    !> Find start values from the ends of shorter steps, each four times as long as the previous one; the last one is the step
+    !> itself. At the end of a short step a fast transient has decayed, whereas extrapolating the rates at the start would continue
+    !> it.
     subroutine continue_from_short(self, chart, state, h, t_end, stat)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -55,9 +57,9 @@ contains
         stat = status_newton_failed
         do k = most_quarters, 0, -1
             if (stat == status_ok) then
-                call hold(self, self%q(:, 3), self%rate_q(:, 3), self%rate_qd(:, 3))
+                call start_all_stages(self, self%q(:, 3), self%rate_q(:, 3), self%rate_qd(:, 3))
             else
-                call hold(self, state%q, state%qd, state%qdd)
+                call start_all_stages(self, state%q, state%qd, state%qdd)
             end if
             part = h*0.25_wp**k
             t = state%t + part
@@ -69,8 +71,8 @@ contains
         end do
     end subroutine continue_from_short
 
-    !> The same start values for all stages: coordinates and rates.
-    subroutine hold(self, q, rate_q, rate_qd)
+    !> Use the same coordinates and rates as start values for all stages.
+    subroutine start_all_stages(self, q, rate_q, rate_qd)
         class(radau_type), intent(inout) :: self
         real(wp), intent(in) :: q(size(self%dq)), rate_q(size(self%dq)), rate_qd(size(self%dq))
         integer :: i
@@ -80,14 +82,15 @@ contains
             self%rate_q(:, i) = rate_q
             self%rate_qd(:, i) = rate_qd
         end do
-    end subroutine hold
+    end subroutine start_all_stages
 
-    !> Solve the stages one after the other, each with its own matrix, repeatedly: no matrix fits all stages if the system is stiff
-    !> at the end of the step and soft at its start. With L in place of A for the new rates and A - L for the old ones, each sweep
-    !> reduces the error to at most 0.67, for any Jacobian of each stage on the test equation in the left half-plane, to 0.51 if
-    !> stiffness grows along the step, and to 0.35 if it is constant. Source: P. J. van der Houwen, J. J. B. de Swart, Triangularly
-    !> implicit iteration methods for ODE-IVP solvers, SIAM J. Sci. Comput. 18, 1997; the factors computed here.
-    subroutine solve_in_turn(self, chart, h, t_end, stat)
+    !> Solve the stages one after the other, each with its own matrix, in repeated sweeps. This is required if no matrix fits all
+    !> stages, because the system is stiff at the end of the step and not at its start. L replaces A for new rates and A - L applies
+    !> to old rates. Each sweep reduces the error to at most 0.67, for any Jacobian of each stage on the test equation in the left
+    !> half-plane; to 0.51 if the stiffness grows along the step; to 0.35 if it is constant. Source: P. J. van der Houwen, J. J. B.
+    !> de Swart, Triangularly implicit iteration methods for ODE-IVP solvers, SIAM J. Sci. Comput. 18, 1997; the factors were
+    !> computed for this method.
+    subroutine sweep_stages(self, chart, h, t_end, stat)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
         !> Step size and end of the step.
@@ -105,37 +108,38 @@ contains
             self%residual(n + 1:2*n, :) = self%rate_qd
             change = 0.0_wp
             do i = 1, 3
-                call solve_alone(self, chart, i, h, t_end, stage_change, stat)
+                call solve_single_stage(self, chart, i, h, t_end, stage_change, stat)
                 if (stat /= status_ok) return
                 change = max(change, stage_change)
             end do
             theta = change/last_change
             last_change = max(change, tiny(1.0_wp))
             if (k == 1) cycle
-            if (change <= self%standstill .and. .not. theta < 0.95_wp) exit
+            if (change <= self%rounding_limit .and. .not. theta < 0.95_wp) exit
             if (theta < 0.95_wp .and. theta*change <= (1.0_wp - theta)*self%tolerance) exit
         end do
         if (k > most_sweeps) then
             stat = status_newton_failed
             return
         end if
-        ! Matrix of the method, for the error estimate and for reuse in the next step.
+        ! Make the matrix of the method, for the error estimate and for reuse in the next step.
         call self%newton%renew(chart, t_end, self%q(:, 3), self%qd(:, 3), self%rate_qd(:, 3), self%tableau%diagonal*h, stat)
-        self%newton%is_worn = .true.
+        self%newton%is_outdated = .true.
         self%remainder = 1.0_wp
-    end subroutine solve_in_turn
+    end subroutine sweep_stages
 
-    !> Solve one of the stages, with the new rates of the previous ones.
-    subroutine solve_alone(self, chart, i, h, t_end, first_change, stat)
+    !> Solve one stage, given the new rates of the previous stages.
+    subroutine solve_single_stage(self, chart, i, h, t_end, first_change, stat)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
         !> Index of the stage.
         integer, intent(in) :: i
         real(wp), intent(in) :: h, t_end
-        !> First correction, which is due to the changes of the other rates.
+        !> First correction, which reflects the changes of the rates of the other stages.
         real(wp), intent(out) :: first_change
         integer, intent(out) :: stat
-        !> Largest number of corrections, and their size relative to the first one below which they are negligible in a sweep.
+        !> Largest number of corrections; size, relative to the first correction, below which corrections are negligible within a
+        !> sweep.
         integer, parameter :: most_corrections = 6
         real(wp), parameter :: enough = 0.05_wp
         real(wp) :: change, t
@@ -175,5 +179,5 @@ contains
             self%q(:, i) = q
             self%qd(:, i) = qd
         end associate
-    end subroutine solve_alone
+    end subroutine solve_single_stage
 end submodule tandem_stepper_radau_rescue

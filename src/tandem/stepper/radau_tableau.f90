@@ -13,35 +13,36 @@ module tandem_stepper_radau_tableau
     !> Number of stages of the largest method.
     integer, parameter :: most_stages = 7
 
-    !> A method. Arrays with one column per stage are filled up to the number of stages.
+    !> A Radau IIA method. Arrays with one column per stage are filled up to the number of stages.
     type :: tableau_type
         integer :: stages = 0
-        !> Nodes and coefficients; a(:, i) are those of stage i.
+        !> Nodes and coefficients; a(:, i) is the row of stage i.
         real(wp) :: c(most_stages) = 0.0_wp, a(most_stages, most_stages) = 0.0_wp
-        !> Real eigenvalue of A, and one of each complex pair divided by it.
+        !> Real eigenvalue of A; one eigenvalue of each complex pair, divided by the real one.
         real(wp) :: diagonal = 0.0_wp
         complex(wp) :: ratio((most_stages - 1)/2) = (0.0_wp, 0.0_wp)
-        !> T and its inverse; t(:, i) and t_inverse(:, i) are their rows.
+        !> T and its inverse; t(:, i) and t_inverse(:, i) are their i-th rows.
         real(wp) :: t(most_stages, most_stages) = 0.0_wp, t_inverse(most_stages, most_stages) = 0.0_wp
-        !> Embedded formula of order equal to the number of stages: the difference from it is h times the diagonal times the sum of
-        !> the rate at the start of the step and the products of these weights with the rates of the stages.
+        !> Weights of the embedded formula of order equal to the number of stages. Its difference from the method is h times
+        !> `diagonal` times the sum of the rate at the start of the step and the products of these weights with the rates of the
+        !> stages.
         real(wp) :: weight(most_stages) = 0.0_wp
-        !> This difference over h times the divided difference of all these rates, for h = 1.
+        !> For h = 1: the ratio of this difference to the divided difference of all these rates.
         real(wp) :: principal = 0.0_wp
     end type tableau_type
 
-    !> Three stages: nodes and coefficients as above.
+    !> Method with three stages: nodes and coefficients in closed form.
     real(wp), parameter :: s6 = sqrt(6.0_wp)
     real(wp), parameter :: c3(3) = [(4 - s6)/10, (4 + s6)/10, 1.0_wp]
     real(wp), parameter :: a3(3, 3) = reshape([ &
         (88 - 7*s6)/360, (296 - 169*s6)/1800, (-2 + 3*s6)/225, &
         (296 + 169*s6)/1800, (88 + 7*s6)/360, (-2 - 3*s6)/225, &
         (16 - s6)/36, (16 + s6)/36, 1.0_wp/9], [3, 3])
-    !> Cube roots of 81 and 9.
+    !> Cube roots of 81 and 9, for the eigenvalues.
     real(wp), parameter :: root81 = 81.0_wp**(1.0_wp/3), root9 = 9.0_wp**(1.0_wp/3)
     real(wp), parameter :: diagonal3 = (6 + root81 - root9)/30
     complex(wp), parameter :: pairs3(1) = [cmplx((12 - root81 + root9)/60, -(root81 + root9)*sqrt(3.0_wp)/60, wp)]
-    !> For 3 stages the transformation of the program RADAU5.
+    !> Transformation of the program RADAU5, for three stages.
     real(wp), parameter :: t3(3, 3) = reshape([ &
         9.1232394870892942792e-02_wp, -0.14125529502095420843_wp, -3.0029194105147424492e-02_wp, &
         0.24171793270710701896_wp, 0.20412935229379993199_wp, 0.38294211275726193779_wp, &
@@ -162,7 +163,7 @@ contains
         end select
     end function tableau_of
 
-    !> A method from its coefficients.
+    !> Method with given coefficients.
     pure function tableau_from(c, a, diagonal, pairs, t, t_inverse, weight) result(tableau)
         real(wp), intent(in) :: c(:), a(:, :), diagonal, t(:, :), t_inverse(:, :), weight(:)
         !> Eigenvalues of A.

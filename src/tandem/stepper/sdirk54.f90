@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> SDIRK54, Table 1: singly diagonally implicit, order 4, 5 stages, L-stable, stiffly accurate. All stages have the same h a_ii = h
-!> / 4 and therefore the same Newton matrix, which is reused for as many steps as possible.
+!> SDIRK54 (Table 1): singly diagonally implicit, order 4, 5 stages, L-stable, stiffly accurate. All stages have h a_ii = h/4 and
+!> hence the same Newton matrix, which is reused for as many steps as possible.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., p. 100, table 6.5.
 module tandem_stepper_sdirk54
     use tandem_kinds, only: wp
@@ -32,13 +32,13 @@ module tandem_stepper_sdirk54
     !> b minus the embedded weights of order 3, (59/48, -17/96, 225/32, -85/12, 0).
     real(wp), parameter :: e(5) = [-3.0_wp/16, -27.0_wp/32, 25.0_wp/32, 0.0_wp, 1.0_wp/4]
 
-    !> Rates at the start of the step from those of the stages 1, 3 and 5: exact for quadratic rates, and sum w defect = 0, so that
-    !> the stages' own errors of second order cancel. With a polynomial through three stages they would remain, and exceed the
-    !> embedded error in short steps.
-    real(wp), parameter :: at_start(5) = [22.0_wp/9, 0.0_wp, -50.0_wp/27, 0.0_wp, 11.0_wp/27]
-    !> A kink that no stage has sampled causes an error of up to a quarter of the step times its size, half of that on average; it
-    !> is used if it exceeds the embedded error by this factor.
-    real(wp), parameter :: unseen = 0.125_wp, striking = 10.0_wp
+    !> Weights that give the rates at the start of the step from those of the stages 1, 3 and 5. They are exact for quadratic rates,
+    !> and sum w defect = 0, so that the second-order errors of the stages cancel. Interpolating three stages would retain these
+    !> errors, which exceed the embedded error in short steps.
+    real(wp), parameter :: start_weights(5) = [22.0_wp/9, 0.0_wp, -50.0_wp/27, 0.0_wp, 11.0_wp/27]
+    !> A kink before the first stage causes an error of up to a quarter of the step times the size of the kink, and half of this on
+    !> average. This error is used if it exceeds the embedded error by the second factor.
+    real(wp), parameter :: kink_factor = 0.125_wp, kink_dominance = 10.0_wp
 
     !> The L-stable method of order 4.
     type, extends(implicit_type) :: sdirk54_type
@@ -76,7 +76,7 @@ contains
             source=0.0_wp)
     end subroutine initialize
 
-    !> One step.
+    !> Perform one step.
     subroutine advance_stages(self, chart, state, h, next, stat)
         class(sdirk54_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -119,9 +119,9 @@ contains
         end if
     end subroutine advance_stages
 
-    !> Error of the last step. The embedded method alone is unbounded on stiff modes, R(infinity) = 10/3, so that its error is
-    !> filtered by the Newton matrix (Hairer, Wanner II, (IV.8.19)). No stage is in the first quarter of the step: a kink there
-    !> appears only in the rates at the start, which then differ from those that follow from the stages.
+    !> Error of the last step. The embedded method itself is not stable for stiff modes, R(infinity) = 10/3, so its difference is
+    !> filtered by the Newton matrix (Hairer, Wanner II, (IV.8.19)). No stage lies in the first quarter of the step. A kink there
+    !> shows only in the rates at the start, which then differ from those that the stages imply.
     subroutine estimate_stages(self, chart, h, weight_q, weight_qd, norm)
         class(sdirk54_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -131,11 +131,11 @@ contains
         real(wp) :: kink
         integer :: i
 
-        self%error_q = unseen*h*self%start_q
-        self%error_qd = unseen*h*self%start_qd
+        self%error_q = kink_factor*h*self%start_q
+        self%error_qd = kink_factor*h*self%start_qd
         do i = 1, 5
-            self%error_q = self%error_q - (unseen*h*at_start(i))*self%rate_q(:, i)
-            self%error_qd = self%error_qd - (unseen*h*at_start(i))*self%rate_qd(:, i)
+            self%error_q = self%error_q - (kink_factor*h*start_weights(i))*self%rate_q(:, i)
+            self%error_qd = self%error_qd - (kink_factor*h*start_weights(i))*self%rate_qd(:, i)
         end do
         call chart%filter(self%error_q, self%error_qd)
         kink = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
@@ -147,10 +147,10 @@ contains
         end do
         call chart%filter(self%error_q, self%error_qd)
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
-        if (kink > striking*norm) norm = kink
+        if (kink > kink_dominance*norm) norm = kink
     end subroutine estimate_stages
 
-    !> Set the error of recent steps.
+    !> Set the relative error of recent steps.
     subroutine learn_error(self, relative)
         class(sdirk54_type), intent(inout) :: self
         real(wp), intent(in) :: relative

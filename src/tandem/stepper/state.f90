@@ -14,7 +14,7 @@ module tandem_stepper_state
         real(wp) :: t = 0.0_wp
         !> Coordinates, velocities and accelerations (n); all three constraint levels hold.
         real(wp), allocatable :: q(:), qd(:), qdd(:)
-        !> Position and velocity increments since the chart's origin (n), in the chart's own coordinates.
+        !> Position and velocity increments relative to the chart's origin (n), in the coordinates of the chart.
         real(wp), allocatable :: dq(:), dqd(:)
     contains
         procedure :: allocate => allocate_state, begin, pack_state, copy, take
@@ -28,13 +28,13 @@ contains
         !> Number of coordinates.
         integer, intent(in) :: n
 
-        ! Without temporaries, which would fragment the memory.
+        ! Avoid temporaries, which would fragment the memory.
         if (allocated(self%q)) deallocate (self%q, self%qd, self%qdd, self%dq, self%dqd)
         allocate (self%q(n), self%qd(n), self%qdd(n), self%dq(n), self%dqd(n), source=0.0_wp)
     end subroutine allocate_state
 
-    !> Set a start; all other components become zero. Arrays of equal size stay in place, because q and qd may be part of this
-    !> state.
+    !> Set coordinates and velocities at a start; all other components become zero. Arrays of equal size are not reallocated,
+    !> because q and qd may belong to this state.
     pure subroutine begin(self, t, q, qd)
         class(state_type), intent(inout) :: self
         !> Time, coordinates and velocities (n).
@@ -61,7 +61,7 @@ contains
         call pack%item(self%q, self%qd, self%qdd, self%dq, self%dqd)
     end subroutine pack_state
 
-    !> Copy a state of the same size, or of any size if nothing is allocated. Assignment would allocate again.
+    !> Copy another state without allocation, unless sizes differ or nothing is allocated. Assignment would reallocate.
     pure subroutine copy(self, other)
         class(state_type), intent(inout) :: self
         type(state_type), intent(in) :: other
@@ -77,7 +77,7 @@ contains
         call copy_vector(n, other%dqd, self%dqd)
     end subroutine copy
 
-    !> Move the arrays of another state to this one; the other one keeps none. Nothing is copied.
+    !> Move the arrays of another state to this one, which leaves the other one empty.
     pure subroutine take(self, other)
         class(state_type), intent(inout) :: self
         type(state_type), intent(inout) :: other
@@ -90,10 +90,10 @@ contains
         call move_alloc(other%dqd, self%dqd)
     end subroutine take
 
-    !> Advance along rates, or add weighted rates to sums.
+    !> Advance coordinates and velocities along rates, or add weighted rates to sums.
     pure subroutine go_along(n, h, rate_q, rate_qd, q, qd)
         integer, intent(in) :: n
-        !> (n) each.
+        !> All arrays have size n.
         real(wp), intent(in) :: h, rate_q(n), rate_qd(n)
         real(wp), intent(inout) :: q(n), qd(n)
         integer :: i
@@ -105,12 +105,12 @@ contains
         end do
     end subroutine go_along
 
-    !> Coordinates and velocities at a time between two states: the polynomial of degree 5 through coordinates, velocities and
-    !> accelerations at both (Hermite). It violates the constraints by no more than its own error.
+    !> Coordinates and velocities at a time between two states, by the polynomial of degree 5 through coordinates, velocities and
+    !> accelerations at both (Hermite). It violates the constraints by no more than its interpolation error.
     pure subroutine go_between(a, b, t, q, qd)
         type(state_type), intent(in) :: a, b
         real(wp), intent(in) :: t
-        !> (n) each.
+        !> Coordinates and velocities (n).
         real(wp), intent(out), contiguous :: q(:), qd(:)
         real(wp) :: shape(6), slope(6)
         integer :: i
@@ -123,12 +123,12 @@ contains
         end do
     end subroutine go_between
 
-    !> Weights of value, first and second derivative at the start of an interval, and at its end, in the polynomial of degree 5
-    !> through them (Hermite), and in its derivatives.
+    !> Weights of the quintic Hermite polynomial: of value, first and second derivative at the start and at the end of an interval,
+    !> for the value of the polynomial and for its derivatives.
     pure subroutine quintic(h, x, shape, slope, bend)
-        !> Length of the interval, and place in it, 0 to 1.
+        !> Length of the interval; position within it, 0 to 1.
         real(wp), intent(in) :: h, x
-        !> For the value, its first and, if requested, second derivative.
+        !> Weights for the value, for the first derivative and, if requested, for the second derivative.
         real(wp), intent(out) :: shape(6), slope(6)
         real(wp), intent(out), optional :: bend(6)
         real(wp) :: y

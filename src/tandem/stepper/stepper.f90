@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Common contract of the steppers: a one-step method on a chart, which uses only t, h, increments and the contract of the chart.
+!> Interface of all steppers: one-step methods on a chart. A stepper uses only t, h, increments, and the interface of the chart.
 module tandem_stepper
     use tandem_chart, only: chart_type
     use tandem_kinds, only: wp
@@ -20,33 +20,33 @@ module tandem_stepper
         logical :: implicit = .false.
         !> Order of the error estimate, which is proportional to h**(estimate_order + 1); 0 if there is none.
         integer :: estimate_order = 0
-        !> Keyword of the stability, and source of the coefficients.
+        !> Stability in a keyword; source of the coefficients.
         character(len=48) :: stability = ''
         character(len=96) :: source = ''
-        !> Order of the position between the ends of a step; that of the velocity is one less for Hermite's 6.
+        !> Order of the position between the ends of a step. For 6 (Hermite's polynomial) the order of the velocity is one less.
         integer :: dense_order = 6
-        !> The part of a step after which the slope of the interpolant misses the rates most, or nearly so.
+        !> Fraction of the step at which the slope of the interpolant deviates most, or nearly so, from the rates of the motion.
         real(wp) :: dense_probe = 0.45_wp
-        !> Explicit methods: h |lambda| at which the step is at the limit of stability; 0 where there is none.
+        !> Explicit methods: limit of stability in terms of h |lambda|; 0 if there is none.
         real(wp) :: stability_limit = 0.0_wp
         !> True if stiff modes are damped: R(infinity) = 0.
         logical :: damps = .false.
         !> True if the step size controller predicts the next error from the last two (Gustafsson).
         logical :: is_predictive = .false.
-        !> True if the order changes during a run: these properties are then those of the first steps.
+        !> True if the order changes during a run. These properties are then those of the first steps.
         logical :: varies = .false.
-        !> Stepper that replaces this one when a run shows that it is cheaper; blank if none.
+        !> Stepper that replaces this one in runs for which it is cheaper; blank if none.
         character(len=16) :: partner = ''
     contains
         procedure :: has_fixed_steps
     end type properties_type
 
-    !> A one-step method: each file of this folder extends it.
+    !> A one-step method. Each stepper extends this type.
     type, abstract :: stepper_type
-        !> True if the chart restores the constraints at every stage, false if only at the end of the step. Used by explicit
-        !> methods; to be set before the first step.
+        !> For explicit methods: true if the chart restores the constraints at every stage, false if only at the end of a step. Set
+        !> this before the first step.
         logical :: projects_stages = .true.
-        !> The time scale of the model; set before `initialize`.
+        !> Time scale of the model. Set it before `initialize`.
         real(wp) :: time_scale = 1.0_wp
     contains
         procedure(properties_interface), deferred, nopass :: properties
@@ -65,7 +65,7 @@ module tandem_stepper
             type(properties_type) :: properties
         end function properties_interface
 
-        !> Allocate the stages, once.
+        !> Allocate work space. Called once.
         subroutine initialize_interface(self, scale, newton_tolerance)
             import :: stepper_type, wp
             implicit none (type, external)
@@ -76,7 +76,7 @@ module tandem_stepper
             real(wp), intent(in) :: newton_tolerance
         end subroutine initialize_interface
 
-        !> One step from `state` to `next`. `state` must be complete (qdd included) and is unchanged.
+        !> Perform one step from `state` to `next`. `state` must be complete, including qdd; it is unchanged.
         subroutine advance_interface(self, chart, state, h, next, stat)
             import :: stepper_type, chart_type, state_type, wp
             implicit none (type, external)
@@ -85,19 +85,19 @@ module tandem_stepper
             type(state_type), intent(in) :: state
             !> Step size.
             real(wp), intent(in) :: h
-            !> State at next%t, which the caller sets (state%t + h up to rounding); complete if stat = 0.
+            !> On entry next%t, state%t + h up to rounding; on return the state at this time, complete if stat = 0.
             type(state_type), intent(inout) :: next
             !> A status code.
             integer, intent(out) :: stat
         end subroutine advance_interface
 
-        !> Error of the last step in the norm of `weighted_norm`; only if `estimate_order` > 0.
+        !> Error of the last step in the norm of `weighted_norm`. Called only if `estimate_order` > 0.
         subroutine estimate_interface(self, chart, h, weight_q, weight_qd, norm)
             import :: stepper_type, chart_type, wp
             implicit none (type, external)
             class(stepper_type), intent(inout) :: self
             class(chart_type), intent(inout) :: chart
-            !> Size of this step.
+            !> Size of the last step.
             real(wp), intent(in) :: h
             !> Weights of the errors of q and qd (n): 1 / (atol + rtol |y|).
             real(wp), intent(in), contiguous :: weight_q(:), weight_qd(:)
@@ -105,7 +105,7 @@ module tandem_stepper
             real(wp), intent(out) :: norm
         end subroutine estimate_interface
 
-        !> Pack the state on which the next steps and the dense output of the last one depend.
+        !> Pack the state on which the next steps and the dense output of the last step depend.
         subroutine pack_interface(self, pack)
             import :: stepper_type, pack_type
             implicit none (type, external)
@@ -116,22 +116,22 @@ module tandem_stepper
 
 contains
 
-    !> True if the method has fixed steps: false if errors and costs under error control determine the steps.
+    !> True if the step size is fixed; false if errors and costs determine it.
     pure logical function has_fixed_steps(self)
         class(properties_type), intent(in) :: self
 
         has_fixed_steps = self%partner == '' .and. .not. self%varies
     end function has_fixed_steps
 
-    !> Increments at a time within the last step: the polynomial of degree 5 through position increment, velocity and acceleration
-    !> at both ends (Hermite), and its derivative. Position errors are of order h^6, velocity errors of order h^5, which is no less
-    !> than the order of the step's own error up to order 5. Methods with a better polynomial override this.
+    !> Increments at a time within the last step, and their derivatives, by the polynomial of degree 5 through position increments,
+    !> velocities and accelerations at both ends (Hermite). Position errors are of order h^6 and velocity errors of order h^5, which
+    !> suffices for methods up to order 5. Methods with a better polynomial override this procedure.
     subroutine interpolate(self, chart, start, arrived, state, slope_q, slope_qd, stat)
         class(stepper_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
-        !> The states at the ends of the step.
+        !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
-        !> Its time is between them; its increments are set.
+        !> On entry its time, between both ends; on return its increments.
         type(state_type), intent(inout) :: state
         !> Derivatives of the position and velocity increments (n).
         real(wp), intent(out), contiguous :: slope_q(:), slope_qd(:)
@@ -148,30 +148,31 @@ contains
             slope(4)*arrived%dq + slope(5)*arrived%qd + slope(6)*arrived%qdd
         slope_qd = bend(1)*start%dq + bend(2)*start%qd + bend(3)*start%qdd + &
             bend(4)*arrived%dq + bend(5)*arrived%qd + bend(6)*arrived%qdd
-        ! The origin of the chart cancels in the difference of velocities.
+        ! The origin of the chart cancels in the difference of velocity increment and velocity.
         state%dqd(:) = start%dqd - start%qd + slope_q
     end subroutine interpolate
 
-    !> Relative error of recent steps of equal size, against s + |y|: determines the tolerance of the next stages.
+    !> Store the relative error, with respect to scale + |y|, of recent steps of equal size. It determines the tolerance of the next
+    !> stages.
     subroutine learn_error(self, relative)
         class(stepper_type), intent(inout) :: self
         real(wp), intent(in) :: relative
 
     end subroutine learn_error
 
-    !> Estimate of h |lambda| at the end of the last step, lambda the largest eigenvalue of the equations of motion; 0 for methods
-    !> without a stability limit.
+    !> Estimate of h |lambda| at the end of the last step, where lambda is the largest eigenvalue of the equations of motion; 0 for
+    !> methods without a stability limit.
     real(wp) function stiffness(self, h, arrived)
         class(stepper_type), intent(in) :: self
-        !> Size of this step.
+        !> Size of the last step.
         real(wp), intent(in) :: h
-        !> State at its end.
+        !> State at the end of the last step.
         type(state_type), intent(in) :: arrived
 
         stiffness = 0.0_wp
     end function stiffness
 
-    !> Longest step that pays after the last one, judged by the work on its stages.
+    !> Largest efficient size of the next step, given the work on the stages of the last one.
     pure real(wp) function longest_next(self)
         class(stepper_type), intent(in) :: self
 

@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The trapezoidal rule (78): order 2, A-stable, not L-stable: a stiff mode keeps ringing with a factor near -1 per step.
+!> The trapezoidal rule (78): order 2, A-stable, not L-stable. Stiff modes are not damped: each step multiplies them by a factor
+!> near -1.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, section IV.3; K. Atkinson 1989 in the paper.
 module tandem_stepper_trapezoid
     use tandem_kinds, only: wp
@@ -51,7 +52,7 @@ contains
         self%error_qd = self%error_q
     end subroutine initialize
 
-    !> One step: the rates at both ends have weight 1/2.
+    !> Perform one step: the rates at both ends have weight 1/2.
     subroutine advance_stages(self, chart, state, h, next, stat)
         class(trapezoid_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -77,8 +78,8 @@ contains
         end if
     end subroutine advance_stages
 
-    !> Error of the last step, -h^3 y''' / 12 with y''' from the rates at its ends and at the start of the previous step (for a
-    !> first step from those at its ends only, as if of order 1), filtered by the Newton matrix.
+    !> Error of the last step, -h^3 y'''/12, filtered by the Newton matrix. y''' follows from the rates at both ends and at the
+    !> start of the previous step. In a first step it follows from the rates at both ends only, as if the order were 1.
     subroutine estimate_stages(self, chart, h, weight_q, weight_qd, norm)
         class(trapezoid_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart

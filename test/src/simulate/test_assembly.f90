@@ -156,13 +156,13 @@ contains
         call position%find(evaluator, 0.0_wp, q, counts, stat)
         call check_count(error, stat, 0, 'status')
         ! The shares are large and nearly cancel; the nearest point is found to some eps.
-        call check_close(error, sum(position%pull, dim=1), q - printed(:, 1), 1.0e-14_wp, 'the position''s shares')
-        call check_close(error, position%pull(:, 3), spread(0.0_wp, 1, 6), 0.0_wp, 'shares of the fixed coordinate')
+        call check_close(error, sum(position%contribution, dim=1), q - printed(:, 1), 1.0e-14_wp, 'contributions to the position')
+        call check_close(error, position%contribution(:, 3), spread(0.0_wp, 1, 6), 0.0_wp, 'contributions to the fixed coordinate')
         qd = ones
         call velocity%initialize(8, fixed, ones, ones, .true., 1.0e-12_wp)
         call velocity%find(evaluator, 0.0_wp, q, qd, counts, stat)
         call check_count(error, stat, 0, 'status')
-        call check_close(error, sum(velocity%pull, dim=1), qd - ones, 1.0e-12_wp, 'the velocity''s shares')
+        call check_close(error, sum(velocity%contribution, dim=1), qd - ones, 1.0e-12_wp, 'contributions to the velocity')
     end subroutine test_shares
 
     !> The default weights are those of scaled coordinates: in millimetres the same happens as in metres.

@@ -1,14 +1,14 @@
 ! SPDX-License-Identifier: MIT
-!> Rows of imposed motions, along which a start is found, and full turns of angles in space, which orientations do not determine.
-!> During the search for a start turns are counted from point to point by the smallest change, then at arrivals of the run. An angle
-!> that follows a function of time has the turns of this function.
-submodule(tandem_mechanism) tandem_mechanism_turns
+!> Rows of imposed motions, and counting of full revolutions of angles in space, which orientations do not determine. While a start
+!> is searched, revolutions follow the smallest change from point to point; during a run they follow it from one accepted point to
+!> the next. An angle that is driven by a function of time takes its revolutions from the function.
+submodule(tandem_mechanism) tandem_mechanism_revolutions
     use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search, is_an_angle => is_angle
     use tandem_mechanism_sensor, only: begin_sensor
     implicit none (type, external)
 
     abstract interface
-        !> Operation on each coordinate.
+        !> Operation on a joint coordinate.
         pure subroutine visit_interface(coordinate, pose, f)
             import :: coordinate_type, pose_type, wp
             implicit none (type, external)
@@ -21,7 +21,7 @@ submodule(tandem_mechanism) tandem_mechanism_turns
 
 contains
 
-    !> The first arrival after a start ends the search for the start.
+    !> Count revolutions at an accepted point. The first accepted point after the start ends the search for the start.
     module procedure arrive
         integer :: i, stat
 
@@ -34,8 +34,8 @@ contains
                 call begin_sensor(self%sensors(i))
             end do
         end if
-        if (.not. (self%follows_turns .or. has_counting_elements(self))) return
-        ! Set only the poses and the functions of time, and in a search the turns; evaluate no term.
+        if (.not. (self%follows_turns .or. depends_on_revolutions(self))) return
+        ! Set only the poses, the functions of time and, while a start is searched, the revolutions; evaluate no terms.
         call self%evaluate(0, t, q, q, self%at_row, stat)
         if (.not. self%follows_turns) then
             call visit_elements(self, count_turns)
@@ -74,14 +74,14 @@ contains
         call visit_sensors(self, count_turns)
     end procedure follow_turns
 
-    !> True if forces, expressions or rows depend on turns.
-    pure logical function has_counting_elements(self)
+    !> True if forces, expressions or rows depend on full revolutions.
+    pure logical function depends_on_revolutions(self)
         type(mechanism_type), intent(in) :: self
 
-        has_counting_elements = size(self%torsions) + size(self%formulas) > 0 .or. .not. all(self%couplings%drops_turns)
-    end function has_counting_elements
+        depends_on_revolutions = size(self%torsions) + size(self%formulas) > 0 .or. .not. all(self%couplings%drops_turns)
+    end function depends_on_revolutions
 
-    !> Visit the coordinates of forces, expressions and rows.
+    !> Call `visit` for the coordinates of forces, expressions and rows.
     pure subroutine visit_elements(self, visit)
         type(mechanism_type), intent(inout) :: self
         procedure(visit_interface) :: visit
@@ -93,7 +93,7 @@ contains
         do i = 1, size(self%formulas)
             do k = 1, size(self%formulas(i)%variables)
                 associate (variable => self%formulas(i)%variables(k))
-                    if (variable%kind == is_joint) call visit(self%coordinates(variable%of), self%pose, self%f)
+                    if (variable%kind == is_joint) call visit(self%coordinates(variable%owner), self%pose, self%f)
                 end associate
             end do
         end do
@@ -105,7 +105,7 @@ contains
         end do
     end subroutine visit_elements
 
-    !> Visit the coordinates of sensors.
+    !> Call `visit` for the coordinates of sensors.
     pure subroutine visit_sensors(self, visit)
         type(mechanism_type), intent(inout) :: self
         procedure(visit_interface) :: visit
@@ -117,4 +117,4 @@ contains
             end if
         end do
     end subroutine visit_sensors
-end submodule tandem_mechanism_turns
+end submodule tandem_mechanism_revolutions

@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
-!> Bodies with a rotation in space for large mechanisms, `lane` at a time directly from q and qd: their blocks of M, the gyroscopic
-!> forces, and the rows of the norms of Euler parameters, (p'p - 1)/2 = 0. Every array has one entry per body of a group.
-module tandem_mechanism_turning
+!> Bodies that rotate in space in large mechanisms: evaluates their blocks of M, the gyroscopic forces and the norm rows of the
+!> Euler parameters, (p'p - 1)/2 = 0, for `lane` bodies at a time, directly from q and qd. Each array has one entry per body of a
+!> group.
+module tandem_mechanism_rotating_bodies
     use tandem_kinds, only: lane, wp
     use tandem_mechanism_body, only: body_type
     use tandem_mechanism_pose, only: pose_type
@@ -11,54 +12,56 @@ module tandem_mechanism_turning
     implicit none (type, external)
     private
 
-    public :: turning_group_type, gather_turning, place_turning, find_norm_blocks, evaluate_norms, set_masses, add_inertia_forces
+    public :: rotating_group_type, gather_rotating_bodies, store_columns, find_norm_blocks
+    public :: evaluate_norms, set_masses, add_inertia_forces
 
-    !> A group of n bodies. The last one is repeated to fill the group; results of the copies are discarded.
-    type :: turning_group_type
+    !> A group of n bodies. Copies of the last body fill the group; their results are discarded.
+    type :: rotating_group_type
         integer :: n = 0
-        !> Bodies; offsets of their Euler parameters among the coordinates, rows of their norms, offsets of the parameters among the
-        !> columns of the stored C, offsets in the blocks of a chart; true if the chart uses all of these blocks.
-        integer :: body(lane) = 0, before(lane) = 0, row(lane) = 0, column(lane) = 0, block(lane) = -1
+        !> For each body: its index; offset of its Euler parameters in q; norm row; offset of the parameters in the columns of the
+        !> stored C; offset in the blocks of a chart. True if the chart stores all norm rows of the group in blocks.
+        integer :: body(lane) = 0, offset(lane) = 0, row(lane) = 0, column(lane) = 0, block(lane) = -1
         logical :: has_blocks = .false.
-        !> Columns of the stored M: first one of the position, offset of the Euler parameters, step between columns of the position.
+        !> Columns of the stored M: first column of the position, offset of the columns of the Euler parameters, distance between
+        !> the columns of the position.
         integer :: place_mass(lane) = 0, turn_mass(lane) = 0, mass_step = 1
         !> Mass, and entries 11, 22, 33, 12, 13, 23 of J.
         real(wp) :: mass(lane) = 0.0_wp, inertia(lane, 6) = 0.0_wp
-    end type turning_group_type
+    end type rotating_group_type
 
 contains
 
-    !> Group the bodies with a rotation.
-    pure subroutine gather_turning(turning, bodies, pose, before_norms, groups)
+    !> Form groups of the bodies that rotate in space.
+    pure subroutine gather_rotating_bodies(indices, bodies, pose, before_norms, groups)
         !> Indices of the bodies.
-        integer, intent(in) :: turning(:)
+        integer, intent(in) :: indices(:)
         type(body_type), intent(in) :: bodies(:)
         type(pose_type), intent(in) :: pose(0:)
-        !> Offset of the rows of the norms.
+        !> Number of rows before the first norm row.
         integer, intent(in) :: before_norms
-        type(turning_group_type), allocatable, intent(out) :: groups(:)
+        type(rotating_group_type), allocatable, intent(out) :: groups(:)
         integer :: i, l, place
 
-        allocate (groups((size(turning) + lane - 1)/lane))
-        do i = 1, size(turning)
+        allocate (groups((size(indices) + lane - 1)/lane))
+        do i = 1, size(indices)
             place = mod(i - 1, lane) + 1
-            associate (group => groups((i - 1)/lane + 1), body => turning(i), j => bodies(turning(i))%inertia)
+            associate (group => groups((i - 1)/lane + 1), body => indices(i), j => bodies(indices(i))%inertia)
                 group%n = place
                 do l = place, lane
                     group%body(l) = body
-                    group%before(l) = pose(body)%turn - 1
+                    group%offset(l) = pose(body)%turn - 1
                     group%row(l) = before_norms + i
                     group%mass(l) = bodies(body)%mass
                     group%inertia(l, :) = [j(1, 1), j(2, 2), j(3, 3), j(1, 2), j(1, 3), j(2, 3)]
                 end do
             end associate
         end do
-    end subroutine gather_turning
+    end subroutine gather_rotating_bodies
 
     !> Copy the columns of C and M from the poses.
-    pure subroutine place_turning(pose, groups)
+    pure subroutine store_columns(pose, groups)
         type(pose_type), intent(in) :: pose(0:)
-        type(turning_group_type), intent(inout) :: groups(:)
+        type(rotating_group_type), intent(inout) :: groups(:)
         integer :: i
 
         do i = 1, size(groups)
@@ -67,12 +70,13 @@ contains
             groups(i)%turn_mass = pose(groups(i)%body)%turn_mass - 1
             groups(i)%mass_step = pose(groups(i)%body(1))%mass_step
         end do
-    end subroutine place_turning
+    end subroutine store_columns
 
-    !> Store the offsets of the blocks that a chart uses, and mark the rows that are set there: only groups as a whole.
+    !> Store the offsets of the chart's blocks and mark the rows that are set in blocks. All rows of a group are set in the same
+    !> way.
     pure subroutine find_norm_blocks(pattern, groups)
         type(pattern_type), intent(inout) :: pattern
-        type(turning_group_type), intent(inout) :: groups(:)
+        type(rotating_group_type), intent(inout) :: groups(:)
         integer :: i, l
 
         do i = 1, size(groups)
@@ -81,18 +85,18 @@ contains
                     group%block(l) = pattern%block_of(group%row(l), 1, group%body(l))
                 end do
                 group%has_blocks = all(group%block >= 0)
-                ! The block of a body begins with its position.
+                ! The block of a body begins with the columns of its position.
                 group%block = group%block + 3
                 if (group%has_blocks) pattern%in_blocks(group%row) = .true.
             end associate
         end do
     end subroutine find_norm_blocks
 
-    !> Set the rows of the norms.
+    !> Set the norm rows.
     pure subroutine evaluate_norms(groups, need, n, q, qd, terms)
-        type(turning_group_type), intent(in) :: groups(:)
+        type(rotating_group_type), intent(in) :: groups(:)
         integer, intent(in) :: need, n
-        !> (n) each; qd is not used unless gamma is needed.
+        !> Coordinates and velocities (n). Velocities are used only if gamma is requested.
         real(wp), intent(in) :: q(n), qd(n)
         type(terms_type), intent(inout) :: terms
         integer :: i, k, l
@@ -101,25 +105,25 @@ contains
             associate (group => groups(i))
                 if (iand(need, need_phi) /= 0) then
                     do l = 1, group%n
-                        terms%phi(group%row(l)) = 0.5_wp*(square(q, group%before(l)) - 1.0_wp)
+                        terms%phi(group%row(l)) = 0.5_wp*(square(q, group%offset(l)) - 1.0_wp)
                     end do
                 end if
                 if (iand(need, need_jacobian) /= 0 .and. group%has_blocks .and. allocated(terms%blocks)) then
                     do l = 1, group%n
                         do k = 1, 4
-                            terms%blocks(group%block(l) + k) = q(group%before(l) + k)
+                            terms%blocks(group%block(l) + k) = q(group%offset(l) + k)
                         end do
                     end do
                 else if (iand(need, need_jacobian) /= 0) then
                     do l = 1, group%n
                         do k = 1, 4
-                            terms%jacobian(group%row(l), group%column(l) + k) = q(group%before(l) + k)
+                            terms%jacobian(group%row(l), group%column(l) + k) = q(group%offset(l) + k)
                         end do
                     end do
                 end if
                 if (iand(need, need_gamma) /= 0) then
                     do l = 1, group%n
-                        terms%gamma(group%row(l)) = square(qd, group%before(l))
+                        terms%gamma(group%row(l)) = square(qd, group%offset(l))
                     end do
                 end if
             end associate
@@ -127,33 +131,33 @@ contains
 
     contains
 
-        !> The sum of four squares.
-        pure real(wp) function square(x, before)
+        !> Sum of the squares of the four parameters.
+        pure real(wp) function square(x, offset)
             real(wp), intent(in) :: x(n)
-            integer, intent(in) :: before
+            integer, intent(in) :: offset
 
-            square = x(before + 1)**2 + x(before + 2)**2 + x(before + 3)**2 + x(before + 4)**2
+            square = x(offset + 1)**2 + x(offset + 2)**2 + x(offset + 3)**2 + x(offset + 4)**2
         end function square
     end subroutine evaluate_norms
 
-    !> Set the blocks of M: the mass, and 4 G'J G. Entries that are not set here are unchanged.
+    !> Set the blocks of M: the mass for positions, 4 G'J G for Euler parameters. Other entries are unchanged.
     pure subroutine set_masses(groups, n, width, q, mass)
-        type(turning_group_type), intent(in) :: groups(:)
+        type(rotating_group_type), intent(in) :: groups(:)
         !> Shape of the stored M, which may be compressed.
         integer, intent(in) :: n, width
         real(wp), intent(in) :: q(n)
         real(wp), intent(inout) :: mass(n, width)
-        !> Number of entries of the lower triangle, column by column; index of each entry of the whole block in this triangle.
+        !> Number of entries of the lower triangle, column by column; index in this triangle of each entry of the full block.
         integer, parameter :: n_lower = 10, entry(4, 4) = reshape([1, 2, 3, 4, 2, 5, 6, 7, 3, 6, 8, 9, 4, 7, 9, 10], [4, 4])
         real(wp) :: p(lane, 4), block(lane, n_lower)
         integer :: i, j, k, l
 
         do i = 1, size(groups)
             associate (group => groups(i))
-                call take_four(group%before, 0, n, q, p)
+                call take_four(group%offset, 0, n, q, p)
                 call set_blocks(p, group%inertia, block)
                 do l = 1, group%n
-                    associate (row => group%before(l), column => group%turn_mass(l))
+                    associate (row => group%offset(l), column => group%turn_mass(l))
                         do k = 0, 2
                             mass(row - 2 + k, group%place_mass(l) + k*group%mass_step) = group%mass(l)
                         end do
@@ -168,7 +172,7 @@ contains
         end do
     end subroutine set_masses
 
-    !> Lower triangle of 4 G'J G, column by column; the columns of G are (-e1, -e2, -e3), (e0, -e3, e2), (e3, e0, -e1) and (-e2, e1,
+    !> Lower triangle of 4 G'J G, column by column. The columns of G are (-e1, -e2, -e3), (e0, -e3, e2), (e3, e0, -e1), (-e2, e1,
     !> e0).
     pure subroutine set_blocks(p, inertia, block)
         real(wp), intent(in) :: p(lane, 4), inertia(lane, 6)
@@ -214,11 +218,11 @@ contains
         end do
     end subroutine set_blocks
 
-    !> S = 8 G(pd)' J G(pd) p.
+    !> Add the inertia forces S = 8 G(pd)'J G(pd) p.
     pure subroutine add_inertia_forces(groups, n, q, qd, force)
-        type(turning_group_type), intent(in) :: groups(:)
+        type(rotating_group_type), intent(in) :: groups(:)
         integer, intent(in) :: n
-        !> (n) each.
+        !> Coordinates and velocities (n).
         real(wp), intent(in) :: q(n), qd(n)
         real(wp), intent(inout) :: force(n)
         real(wp) :: p(lane, 4), pd(lane, 4), s(lane, 4)
@@ -226,18 +230,19 @@ contains
 
         do i = 1, size(groups)
             associate (group => groups(i))
-                call take_four(group%before, 0, n, q, p)
-                call take_four(group%before, 0, n, qd, pd)
+                call take_four(group%offset, 0, n, q, p)
+                call take_four(group%offset, 0, n, qd, pd)
                 call set_gyroscopic(p, pd, group%inertia, s)
                 do l = 1, group%n
                     do k = 1, 4
-                        force(group%before(l) + k) = force(group%before(l) + k) + s(l, k)
+                        force(group%offset(l) + k) = force(group%offset(l) + k) + s(l, k)
                     end do
                 end do
             end associate
         end do
     end subroutine add_inertia_forces
 
+    !> S = 8 G(pd)'J G(pd) p for the bodies of a group.
     pure subroutine set_gyroscopic(p, pd, inertia, s)
         real(wp), intent(in) :: p(lane, 4), pd(lane, 4), inertia(lane, 6)
         real(wp), intent(out) :: s(lane, 4)
@@ -263,4 +268,4 @@ contains
             s(l, 4) = e1*h2 - e2*h1 + e0*h3
         end do
     end subroutine set_gyroscopic
-end module tandem_mechanism_turning
+end module tandem_mechanism_rotating_bodies
