@@ -8,5 +8,5 @@ module tandem_legacy_version
 
     !> A thousand times the major number, which changes when a program must be changed or compiled anew, plus the minor one,
     !> which changes when something is added. `include/interface.txt` holds what belongs to it.
-    integer, parameter :: interface_version = 1017
+    integer, parameter :: interface_version = 1018
 end module tandem_legacy_version

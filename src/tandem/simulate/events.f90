@@ -222,6 +222,7 @@ contains
         call self%auto%stiffness%smoothness%restart()
         ! A loss of rank that was ahead need not be ahead now.
         call self%lost_rank%forget_ahead()
+        call self%crossing%forget()
         call self%chart%forget(.true.)
         call self%energy%forget()
         stat = status_ok
@@ -253,6 +254,7 @@ contains
             end if
         end associate
         call self%measure_errors(error)
+        call self%crossing%note(self%state)
     end subroutine restart_here
 
     !> The impulses that have brought the velocity onto the constraints, M (qd - before) = -C' impulse. Multipliers are linear in
