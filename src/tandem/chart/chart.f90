@@ -8,8 +8,8 @@
 module tandem_chart
     use tandem_chart_failure, only: chart_failure_type
     use tandem_chart_goal, only: goal_type, step_end
-    use tandem_chart_measure, only: least_bend, measure_type, need_change, need_contraction, need_independence, need_line, need_policy, &
-        need_rank
+    use tandem_chart_measure, only: least_bend, measure_type, need_change, need_contraction, need_independence, need_line, &
+        need_policy, need_rank
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_model, only: model_type

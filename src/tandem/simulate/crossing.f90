@@ -89,9 +89,8 @@ contains
         !> Time within which it is searched for.
         real(wp), intent(in) :: reach
         logical, intent(out) :: is_found
-        !> Part to which an interval shrinks in a pass; part of the independence now that may be left; slopes of both sides may differ
-        !> by this factor at most.
-        real(wp), parameter :: shrinks = 0.1_wp, left_over = 0.02_wp, alike = 3.0_wp
+        !> Part to which an interval shrinks in a pass; part of the independence now that may be left.
+        real(wp), parameter :: shrinks = 0.1_wp, left_over = 0.02_wp
         integer, parameter :: most_passes = 3
         real(wp) :: from, to, at, width, here, at_from, at_to, at_least
         integer :: n_nodes, pass, stat
@@ -149,11 +148,11 @@ contains
         integer, intent(out) :: base
         !> True if no more distant state gives a smaller error, so that a nearer one may give a smaller one.
         logical, intent(out) :: is_nearest
-        integer, parameter :: most_tries = 3
+        integer, parameter :: most_tries = 5
         !> A state that is not that much further away is left out; beyond this part of the best independence errors of states are
         !> negligible, and the nearest state is the best.
-        real(wp), parameter :: further = 1.7_wp, far = 0.05_wp
-        !> Times between states, relative to the distance of the base. States further apart magnify their errors less, states close
+        real(wp), parameter :: further = 1.9_wp, far = 0.05_wp
+        !> Times between states, relative to half the time from the base to the end. States further apart magnify their errors less, states close
         !> together leave a smaller error of the polynomial.
         real(wp), parameter :: gaps(3) = [8.0_wp, 3.0_wp, 0.7_wp]
         real(wp) :: error, least_error, gap, last_distance, part
@@ -216,7 +215,7 @@ contains
     subroutine extrapolate(self, base, gap, stop_at, n_nodes, error)
         class(simulation_type), intent(inout) :: self
         integer, intent(in) :: base
-        !> Least time between states, relative to the distance of the base.
+        !> Least time between states, relative to half the time from the base to the end.
         real(wp), intent(in) :: gap, stop_at
         !> Number of states.
         integer, intent(out) :: n_nodes
@@ -230,6 +229,7 @@ contains
             n_nodes = most_nodes
             call choose_end(self, distance, stop_at)
             if (.not. crossing%record%t_to > crossing%record%t) return
+            distance = 0.5_wp*(crossing%record%t_to - crossing%recent%t(base))
             call pass_through(self, base, gap*distance, n_nodes)
             if (n_nodes < 2) then
                 crossing%obstacle = 'the run has too few steps before it'
@@ -241,19 +241,23 @@ contains
         end associate
     end subroutine extrapolate
 
-    !> Choose the end of the step: as far behind the configuration as the states before it, on the grid of fixed steps, or at the
-    !> next stop, if that is not too near.
+    !> Choose the end of the step: at least as far behind the configuration as the base before it, on the grid of fixed steps, or at
+    !> the next stop, if that is not too near.
     subroutine choose_end(self, distance, stop_at)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: distance, stop_at
-        !> Part of the distance that may be left to the next stop.
-        real(wp), parameter :: remainder = 0.2_wp
+        !> Part of the distance that may be left to the next stop; part of the best independence, and number of fixed steps, from
+        !> which steps can continue: closer to the configuration, charts have a shorter reach.
+        real(wp), parameter :: remainder = 0.2_wp, sound_part = 0.01_wp, fixed_steps = 2.0_wp
+        real(wp) :: behind
 
         associate (crossing => self%crossing, record => self%crossing%record)
-            record%t_to = record%t + distance
+            behind = max(distance, sound_part*self%chart%best_independence/crossing%rate)
+            if (.not. self%options%is_adaptive()) behind = max(behind, fixed_steps*self%options%step)
+            record%t_to = record%t + behind
             if (.not. self%options%is_adaptive()) record%t_to = self%t_start + self%options%step* &
-                real(ceiling((record%t_to - self%t_start)/self%options%step - remainder, long), wp)
-            if (record%t_to + remainder*distance > stop_at) record%t_to = stop_at
+                real(ceiling((record%t_to - self%t_start)/self%options%step, long), wp)
+            if (record%t_to + remainder*behind > stop_at) record%t_to = stop_at
             if (crossing%rate*(record%t_to - record%t) >= least_part*self%chart%best_independence) return
             crossing%obstacle = 'a stop of the steps at t = '//to_text(stop_at)//' is too near behind it'
             record%t_to = record%t
@@ -356,7 +360,8 @@ contains
             norm = 0.0_wp
             if (self%options%is_adaptive()) then
                 ! The next state would be too near.
-                is_last_chance = is_limited .or. crossing%rate*(record%t - self%state%t) < 4*least_part*self%chart%best_independence
+                is_last_chance = is_limited .or. crossing%rate*(record%t - self%state%t) < &
+                    4*least_part*self%chart%best_independence
                 call self%control%set_weights(self%state%q, state%q, self%state%qd, state%qd)
                 do i = 1, size(state%q)
                     norm = max(norm, abs(state%dq(i))*self%control%weight_q(i), abs(state%dqd(i))*self%control%weight_qd(i))

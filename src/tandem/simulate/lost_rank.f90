@@ -19,12 +19,16 @@ module tandem_simulate_lost_rank
     integer, parameter :: disguises(3) = [status_position_diverged, status_chart_left, status_newton_failed]
     !> Steps approach a loss until its singular value has fallen to this part: closer to it, rounding determines the motion.
     real(wp), parameter :: least_independence = 1.0e-5_wp
+    !> Steps that errors make short look for a loss when the independence has fallen to a part of this, and again at parts of that.
+    real(wp), parameter :: first_look = 0.08_wp
 
     type :: lost_rank_type
         !> Time until the loss, if the smallest singular value continues to fall at its rate.
         real(wp), private :: room = huge(1.0_wp)
         !> Remaining part of the independence, and of the conditioning of massless coordinates, at the last step.
         real(wp), private :: fallen = 1.0_wp, loosened = 1.0_wp
+        !> Value of `fallen` at which `comes_close` was true last, or the one above which it is false.
+        real(wp), private :: seen = first_look
         !> Status for which a controlled step was given up, a loss or a status that may hide one, and the time until which it may
         !> still be ahead or close behind.
         integer, private :: reason = status_ok
@@ -32,7 +36,8 @@ module tandem_simulate_lost_rank
         !> End of a line ahead (n).
         real(wp), allocatable, private :: ahead(:)
     contains
-        procedure :: forget_ahead, forget_measure, go_back, is_ahead, is_close, was_met, is_near, longest_step, look_ahead, look_within, limits
+        procedure :: forget_ahead, forget_measure, go_back, is_ahead, is_close, was_met, is_near, longest_step
+        procedure :: look_ahead, look_within, limits, comes_close
         procedure :: find_near, find_close, check, find_behind
         procedure, private :: loss_ahead
         procedure :: remember, check_branch, pack_state
@@ -85,11 +90,12 @@ contains
     end function is_ahead
 
     !> True if the independence has fallen so far that rounding shows in velocities and accelerations.
-    pure logical function is_close(self)
+    pure logical function is_close(self, chart)
         class(lost_rank_type), intent(in) :: self
+        class(chart_type), intent(in) :: chart
         real(wp), parameter :: close = 0.05_wp
 
-        is_close = self%fallen < close
+        is_close = self%fallen < close .or. chart%independence < close*chart%best_independence
     end function is_close
 
     !> The loss that was met, and that may still be close at a time; ok if there is none.
@@ -118,6 +124,18 @@ contains
         room = self%room
         limits = self%is_ahead() .and. 0.5_wp*self%room < h
     end function limits
+
+    !> True if the independence has fallen much since the last time, even if shorter steps than those to the loss are taken.
+    logical function comes_close(self, room)
+        class(lost_rank_type), intent(inout) :: self
+        real(wp), intent(out) :: room
+        real(wp), parameter :: part = 0.6_wp
+
+        room = self%room
+        if (.not. self%is_ahead()) self%seen = first_look
+        comes_close = self%is_ahead() .and. self%fallen < part*self%seen
+        if (comes_close) self%seen = self%fallen
+    end function comes_close
 
     !> Steps must shrink towards a loss, so that none contains it undetected: the longest step, given its limit otherwise.
     pure real(wp) function longest_step(self, h)
@@ -292,7 +310,7 @@ contains
         class(lost_rank_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%room, self%fallen, self%loosened)
+        call pack%item(self%room, self%fallen, self%loosened, self%seen)
         call pack%item(self%reason)
         call pack%item(self%until)
     end subroutine pack_state

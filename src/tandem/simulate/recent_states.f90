@@ -11,7 +11,7 @@ module tandem_simulate_recent_states
     public :: recent_states_type
 
     !> Number of states.
-    integer, parameter :: most = 10
+    integer, parameter :: most = 16
 
     type :: recent_states_type
         !> Number of stored states.

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> The polynomial through coordinates, velocities and accelerations of some states (Hermite), in Newton's form. It continues a smooth
-!> motion beyond these states.
+!> The polynomial through coordinates, velocities and accelerations of some states (Hermite), in Newton's form. It continues a
+!> smooth motion beyond these states.
 module tandem_simulate_state_polynomial
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type

@@ -40,7 +40,8 @@ contains
 
         associate (local => self%local_error)
             gap = 0.0_wp
-            if (.not. self%lost_rank%is_close()) gap = local%jump(self%state, self%next, self%method%order, self%tally%velocity_gap)
+            if (.not. self%lost_rank%is_close(self%chart)) gap = local%jump(self%state, self%next, self%method%order, &
+                self%tally%velocity_gap)
             if (gap > self%tally%velocity_gap) then
                 self%tally%velocity_gap = gap
                 self%tally%t_gap = self%next%t

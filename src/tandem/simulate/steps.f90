@@ -565,7 +565,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: t_loss, room
         integer :: loss
-        logical :: is_loss
+        logical :: is_loss, is_close
 
         is_first = .false.
         is_loss = .false.
@@ -573,7 +573,8 @@ contains
         call self%local_error%begin_step(self%state%t)
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        if (self%lost_rank%limits(self%control%h, room)) then
+        is_close = self%lost_rank%comes_close(room)
+        if (is_close .or. self%lost_rank%limits(self%control%h, room)) then
             call self%consider_crossing(2*room, stop_at, is_loss, is_crossed)
             if (is_crossed) return
         end if

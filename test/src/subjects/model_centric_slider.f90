@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A slider-crank whose crank and rod have the same length, 1: q = (x, y, s), the end of the crank and the slider on the x axis, both of
-!> mass 1, under gravity along -y; n = 3, nh = 2, nd = 0. While the crank rotates, s = 2 x. Where the crank is upright, the slider is at
-!> the pivot and Phi_q loses rank: the rod could also rotate with the crank while the slider rests.
+!> A slider-crank whose crank and rod have the same length, 1: q = (x, y, s), the end of the crank and the slider on the x axis,
+!> both of mass 1, under gravity along -y; n = 3, nh = 2, nd = 0. While the crank rotates, s = 2 x. Where the crank is upright, the
+!> slider is at the pivot and Phi_q loses rank: the rod could also rotate with the crank while the slider rests.
 module model_centric_slider
     use tandem, only: model_type, procedure_model_type, wp
     implicit none (type, external)
