@@ -8,9 +8,9 @@ module tandem_chart_measure
     public :: measure_type, need_change, need_contraction, need_independence, need_line, need_policy, need_rank, &
         least_bend
 
-    !> Groups of measures, a sum of need bits: independence at the end of a step; loss of C on the straight line between the two
-    !> points; change of C; contraction of corrections; distance from the origin for the policy; independence of the rows of C at the
-    !> second point, also if it is singular.
+    !> Groups of measures: independence at the end of a step; loss of C on the straight line between the two points; change of C;
+    !> contraction of corrections; distance from the origin for the policy; independence of the rows of C at the second point, which
+    !> may be singular.
     integer, parameter :: need_rank = 1, need_line = 2, need_change = 4, need_contraction = 8, need_policy = 16, &
         need_independence = 32
 

@@ -152,8 +152,8 @@ contains
         !> A state that is not that much further away is left out; beyond this part of the best independence errors of states are
         !> negligible, and the nearest state is the best.
         real(wp), parameter :: further = 1.9_wp, far = 0.05_wp
-        !> Times between states, relative to half the time from the base to the end. States further apart magnify their errors less, states close
-        !> together leave a smaller error of the polynomial.
+        !> Times between states, relative to half the time from the base to the end. States further apart magnify their errors less,
+        !> states close together leave a smaller error of the polynomial.
         real(wp), parameter :: gaps(3) = [8.0_wp, 3.0_wp, 0.7_wp]
         real(wp) :: error, least_error, gap, last_distance, part
         integer :: i, k, n_nodes, n_tries
@@ -390,8 +390,8 @@ contains
         end associate
     end subroutine judge
 
-    !> True if the polynomial satisfies the constraints close to the configuration. Where the motion only passes near a configuration
-    !> of lower rank and turns off, the polynomial passes between two branches.
+    !> True if the polynomial satisfies the constraints close to the configuration. Where the motion only passes near a
+    !> configuration of lower rank and turns off, the polynomial passes between two branches.
     logical function stays_near(self)
         class(simulation_type), intent(inout) :: self
         !> Part of the best independence there; largest rounding error of the position.

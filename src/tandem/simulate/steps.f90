@@ -378,6 +378,9 @@ contains
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
         is_first = .false.
         is_crossed = .false.
+        is_sliver = .false.
+        is_cut = .false.
+        is_short = .false.
         self%crossing%is_last_step = .false.
         has_failed = self%attempts%has_failed
         ! Tries ended by a limit on the work continue unchanged, so that the run equals the one without that limit.
@@ -574,7 +577,8 @@ contains
         call renew_by_policy(self, error)
         if (allocated(error)) return
         is_close = self%lost_rank%comes_close(room)
-        if (is_close .or. self%lost_rank%limits(self%control%h, room)) then
+        if (.not. is_close) is_close = self%lost_rank%limits(self%control%h, room)
+        if (is_close) then
             call self%consider_crossing(2*room, stop_at, is_loss, is_crossed)
             if (is_crossed) return
         end if
