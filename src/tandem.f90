@@ -40,7 +40,7 @@ module tandem
     use tandem_models_rolling_disk, only: rolling_disk_type
     use tandem_option_rules, only: change_stepper, complete_options, conflict_type, find_conflict, projects_stages
     use tandem_options, only: basis_methods, chart_kinds, chart_policies, default_rtol, default_step, option_row_type, &
-        option_visitor_type, options_type, projections, refresh_modes, steppers_without_estimate
+        option_visitor_type, options_type, projections, refresh_modes, singular_modes, steppers_without_estimate
     use tandem_pack, only: pack_type
     use tandem_chart, only: chart_memory_type, chart_type, goal_type, measure_type, step_end
     use tandem_chart_implicit, only: implicit_chart_type
@@ -49,6 +49,7 @@ module tandem
     use tandem_profile_parts, only: n_part_groups, n_parts, part_blocks, part_checkpoint, part_group, part_group_name, part_name, &
         part_open, part_rows, part_start, part_watch, terms_of_part
     use tandem_simulate_error_warnings, only: allowed_error, find_error_warnings, short_run
+    use tandem_simulate_crossing_data, only: crossing_record_type
     use tandem_simulate_event, only: event_record_type, event_type, threshold_event_type
     use tandem_simulate_assembly, only: assemble, assembly_type, velocity_metrics
     use tandem_simulate_figures, only: figure_reader_type, tell_figures
@@ -75,10 +76,10 @@ module tandem
     public :: need_velocity_q, need_acceleration_q, need_acceleration_qd, need_dynamics_q, need_dynamics_qd
     public :: finding_type, verify_model
     public :: options_type, option_row_type, option_visitor_type, basis_methods, chart_kinds, chart_policies, projections, &
-        refresh_modes, steppers_without_estimate, default_rtol, default_step
+        refresh_modes, singular_modes, steppers_without_estimate, default_rtol, default_step
     public :: change_stepper, complete_options, conflict_type, find_conflict, projects_stages
     public :: simulation_type, observer_type, at_start, at_step, at_end, at_event
-    public :: event_type, event_record_type, threshold_event_type
+    public :: crossing_record_type, event_type, event_record_type, threshold_event_type
     public :: statistics_type, n_reasons, reason_name, figure_reader_type, tell_figures, warning_type
     public :: bracket_type
     public :: assembly_type, assemble, velocity_metrics

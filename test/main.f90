@@ -86,6 +86,7 @@ program main
     use test_sparse_nearby, only: collect_sparse_nearby
     use test_sparse_runs, only: collect_sparse_runs
     use test_sparse_turns, only: collect_sparse_turns
+    use test_crossing, only: collect_crossing
     use test_singular, only: collect_singular
     use test_small_motions, only: collect_small_motions
     use test_small_systems, only: collect_small_systems
@@ -206,6 +207,7 @@ program main
         new_testsuite('sparse_steady', collect_sparse_steady), &
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
+        new_testsuite('crossing', collect_crossing), &
         new_testsuite('singular', collect_singular), &
         new_testsuite('description', collect_description), &
         new_testsuite('study', collect_study), &

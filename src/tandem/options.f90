@@ -11,7 +11,8 @@ module tandem_options
     private
 
     public :: options_type, option_row_type, option_visitor_type, check_word
-    public :: stepper_names, stepper_choices, chart_kinds, chart_policies, refresh_modes, basis_methods, projections
+    public :: stepper_names, stepper_choices, chart_kinds, chart_policies, refresh_modes, basis_methods, projections, &
+        singular_modes
     public :: steppers_without_estimate, explicit_steppers, default_rtol, default_step
 
     !> All methods of fixed order; `tandem_stepper_factory` creates them.
@@ -38,6 +39,9 @@ module tandem_options
     !> Points of an explicit step that are projected onto the constraints: chosen by `projects_stages`; every stage, as in the
     !> paper; only the end.
     character(len=9), parameter :: projections(3) = [character(len=9) :: 'automatic', 'stages', 'step_ends']
+
+    !> Treatment of configurations in which C loses rank at one instant while the motion is smooth: pass them, or end the run.
+    character(len=4), parameter :: singular_modes(2) = [character(len=4) :: 'pass', 'stop']
 
     !> Smaller tolerances are lost in rounding; larger ones are meaningless.
     real(wp), parameter :: smallest_tolerance = 1.0e-15_wp, largest_tolerance = 1.0e-2_wp
@@ -112,6 +116,8 @@ module tandem_options
         character(len=3) :: basis = 'qr'
         !> One of `projections`; for explicit steppers.
         character(len=9) :: projection = 'automatic'
+        !> One of `singular_modes`.
+        character(len=4) :: singular = 'pass'
         !> Largest constraint error on the natural scale of its row, at all three levels.
         real(wp) :: constraint_tolerance = 1.0e-12_wp
         !> Tolerance of the position iteration (17); 0 selects a hundredth of `constraint_tolerance`, because the remainders of all
@@ -233,6 +239,9 @@ contains
             'factorization that yields the bases of a chart'), word=self%basis, choices=basis_methods)
         call visitor%take(option_row_type('projection', '', &
             'points of explicit steps that are projected onto the constraints'), word=self%projection, choices=projections)
+        call visitor%take(option_row_type('singular', '', &
+            'configurations where constraints lose rank at one instant: pass them, or stop there'), word=self%singular, &
+            choices=singular_modes)
         call visitor%take(option_row_type('constraint_tolerance', '', &
             "largest constraint error, on each row's natural scale", tolerance), number=self%constraint_tolerance)
         call visitor%take(option_row_type('utol', '', &

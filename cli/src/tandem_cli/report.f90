@@ -62,6 +62,7 @@ contains
                 counted(s%steps, 'step'))
         end if
         if (size(scene%events) > 0) call print_events(scene, simulation)
+        if (simulation%n_crossings > 0) call print_crossings(simulation)
         if (scene%options%is_adaptive() .and. s%steps > 0) call print_line('step sizes', short(s%smallest_step, 3)//' to '// &
             short(s%largest_step, 3)//' s, '//counted(s%rejected, 'step')//' rejected for the error, '// &
             count_text(s%failed)//' not completed')
@@ -243,6 +244,26 @@ contains
                 counted(int(n, long), 'time')//times)
         end do
     end subroutine print_events
+
+    !> Print number, first times and largest error of the singular configurations that were passed.
+    subroutine print_crossings(simulation)
+        type(simulation_type), intent(in) :: simulation
+        !> Number of times shown.
+        integer, parameter :: most_times = 4
+        character(len=:), allocatable :: times
+        integer :: k
+
+        times = ' at t = '
+        associate (n => simulation%n_crossings, crossings => simulation%crossings)
+            do k = 1, min(n, most_times)
+                if (k > 1) times = times//', '
+                times = times//short(crossings(k)%t, 9)
+            end do
+            if (n > most_times) times = times//', ...'
+            call print_line('singular', 'passed '//counted(int(n, long), 'time')//times//' s, by estimated errors of '// &
+                short(maxval(crossings(:n)%error), 2)//' of |y| + scale at most')
+        end associate
+    end subroutine print_crossings
 
     !> Contents of the result file.
     function rows_text(trajectory, error) result(text)

@@ -55,11 +55,28 @@ contains
         call tell_figures(simulation%statistics(), writer)
         call writer%json%end_object()
         call add_events(scene, simulation, writer%json)
+        if (simulation%n_crossings > 0) call add_crossings(simulation, writer%json)
         call add_error(global_error, estimate_error, writer%json)
         call add_warnings(simulation, global_error, estimate_error, writer%json)
         call writer%json%end_object()
         call say(writer%json%text)
     end subroutine print_report_json
+
+    !> Add the singular configurations that were passed.
+    subroutine add_crossings(simulation, json)
+        type(simulation_type), intent(in) :: simulation
+        type(json_type), intent(inout) :: json
+        integer :: i
+
+        call json%begin_array('singular')
+        do i = 1, simulation%n_crossings
+            call json%begin_object()
+            call json%add('t', simulation%crossings(i)%t)
+            call json%add('error', simulation%crossings(i)%error)
+            call json%end_object()
+        end do
+        call json%end_array()
+    end subroutine add_crossings
 
     !> Add the recorded events.
     subroutine add_events(scene, simulation, json)

@@ -20,7 +20,7 @@ from .library import library
 from .model import TERMS, DrawnModel, Model, constant
 
 INTEGERS = {"max_steps", "max_evaluations", "max_events", "iteration_limit", "constant_mass"}
-TEXTS = {"stepper", "chart", "refresh", "basis", "projection", "velocity_metric"}
+TEXTS = {"stepper", "chart", "refresh", "basis", "projection", "singular", "velocity_metric"}
 LISTS = {"rtol_q", "rtol_qd", "atol_q", "atol_qd", "fixed_q", "fixed_qd", "weight_q", "weight_qd", "coordinate_scale", "breakpoints",
          "nu_jumps", "mass_blocks"}
 #: The keys of [initial] that say how a start is assembled, as options.

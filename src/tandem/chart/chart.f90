@@ -8,7 +8,8 @@
 module tandem_chart
     use tandem_chart_failure, only: chart_failure_type
     use tandem_chart_goal, only: goal_type, step_end
-    use tandem_chart_measure, only: least_bend, measure_type, need_change, need_contraction, need_line, need_policy, need_rank
+    use tandem_chart_measure, only: least_bend, measure_type, need_change, need_contraction, need_independence, need_line, &
+        need_policy, need_rank
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
@@ -22,7 +23,7 @@ module tandem_chart
     private
 
     public :: chart_type, chart_memory_type, chart_failure_type, goal_type, step_end
-    public :: measure_type, least_bend, need_change, need_contraction, need_line, need_policy, need_rank
+    public :: measure_type, least_bend, need_change, need_contraction, need_independence, need_line, need_policy, need_rank
 
     !> Start of the next step, to which a chart returns after evaluations of other points.
     type, abstract :: chart_memory_type
@@ -61,7 +62,7 @@ module tandem_chart
         procedure(errors_interface), deferred :: do_find_errors
         procedure(measure_interface), deferred :: do_measure
         procedure(pack_interface), deferred :: pack_state
-        procedure :: leave_out_dependent, find_partners, inherit
+        procedure :: leave_out_dependent, find_partners, inherit, forget_rank
         procedure, non_overridable :: attach, set_origin, accelerate, project, find_multipliers, find_errors, measure
         procedure, non_overridable :: is_firm, wants_other_rows, note_independence, continue_counts, pack_contract
     end type chart_type
@@ -350,6 +351,12 @@ contains
 
         call self%continue_counts(other%counts, other%best_independence)
     end subroutine inherit
+
+    !> The next origin lies behind a loss of rank: comparisons of C with earlier points begin anew. For charts that make any between
+    !> origins.
+    subroutine forget_rank(self)
+        class(chart_type), intent(inout) :: self
+    end subroutine forget_rank
 
     !> Continue the counts of another chart of the same run, and its independence, by which losses are judged.
     subroutine continue_counts(self, counts, best_independence)

@@ -5,11 +5,14 @@ module tandem_chart_measure
     implicit none (type, external)
     private
 
-    public :: measure_type, need_change, need_contraction, need_line, need_policy, need_rank, least_bend
+    public :: measure_type, need_change, need_contraction, need_independence, need_line, need_policy, need_rank, &
+        least_bend
 
     !> Groups of measures: independence at the end of a step; loss of C on the straight line between the two points; change of C;
-    !> contraction of corrections; distance from the origin for the policy.
-    integer, parameter :: need_rank = 1, need_line = 2, need_change = 4, need_contraction = 8, need_policy = 16
+    !> contraction of corrections; distance from the origin for the policy; independence of the rows of C at the second point, which
+    !> may be singular.
+    integer, parameter :: need_rank = 1, need_line = 2, need_change = 4, need_contraction = 8, need_policy = 16, &
+        need_independence = 32
 
     !> Corrections below this part of the natural scale of every row are too small to measure a contraction.
     real(wp), parameter :: least_bend = 2.0e-4_wp
@@ -31,5 +34,7 @@ module tandem_chart_measure
         !> last call.
         real(wp) :: v = 0.0_wp, w = 0.0_wp, d = 1.0_wp, fbar = 1.0_wp, condition = 1.0_wp
         integer :: corrections = 0
+        !> `need_independence`: the smallest singular value of the unit rows, or a measure that vanishes with it in proportion.
+        real(wp) :: independence = 1.0_wp
     end type measure_type
 end module tandem_chart_measure

@@ -109,11 +109,20 @@ contains
             end if
             call enter_segment(self, output%segment)
             state%t = t
-            call go_to(self%stepper, self%chart, self%start, self%next, state, output%slope, stat)
+            if (self%crossing%is_last_step) then
+                call self%look_into_crossing(t, stat)
+            else
+                call go_to(self%stepper, self%chart, self%start, self%next, state, output%slope, stat)
+            end if
             if (stat == status_ok) call self%chart%find_errors(t, state%q, state%qd, state%qdd, self%errors, rows, stat)
             if (stat /= status_ok) then
                 call self%fail(stat, 'between steps at t = '//to_text(t), error)
                 call self%look_back()
+                return
+            end if
+            if (self%crossing%is_last_step) then
+                output%largest_q = max(output%largest_q, self%crossing%record%error)
+                output%largest_qd = max(output%largest_qd, self%crossing%record%error)
                 return
             end if
             call find_errors(self%next%t - self%start%t, self%method%implicit, self%model%n_constraints() > 0, self%chart, &

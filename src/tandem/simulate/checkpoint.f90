@@ -249,6 +249,8 @@ contains
         call pack%item(self%renewal%is_done)
         call pack%item(self%renewal%reason)
         call self%lost_rank%pack_state(pack)
+        call self%crossing%pack_state(pack)
+        call pack_crossings(self, pack)
         call self%attempts%reach%pack_state(pack)
         call pack%item(self%attempts%hindrance)
         call pack%item(self%attempts%is_interrupted, self%attempts%has_failed)
@@ -304,6 +306,25 @@ contains
             call pack%item(self%warnings(i)%is_note)
         end do
     end subroutine pack_warnings
+
+    !> Records of singular configurations that were passed.
+    subroutine pack_crossings(self, pack)
+        class(simulation_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer :: i
+
+        call pack%item(self%n_crossings)
+        if (pack%is_reading) then
+            if (pack%has_failed) self%n_crossings = 0
+            if (allocated(self%crossings)) deallocate (self%crossings)
+            if (self%n_crossings > 0) allocate (self%crossings(self%n_crossings))
+        end if
+        do i = 1, self%n_crossings
+            associate (crossing => self%crossings(i))
+                call pack%item(crossing%t, crossing%t_from, crossing%t_to, crossing%error)
+            end associate
+        end do
+    end subroutine pack_crossings
 
     !> Watched events, and records of past ones.
     subroutine pack_events(self, pack)

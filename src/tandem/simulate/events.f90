@@ -222,6 +222,7 @@ contains
         call self%auto%stiffness%smoothness%restart()
         ! A predicted loss of rank may not apply after the action.
         call self%lost_rank%forget_ahead()
+        call self%crossing%forget()
         call self%chart%forget(.true.)
         call self%energy%clear()
         stat = status_ok
@@ -253,6 +254,7 @@ contains
             end if
         end associate
         call self%measure_errors(error)
+        call self%crossing%note(self%state)
     end subroutine restart_here
 
     !> Impulses of the projection of the velocity: M (qd - before) = -C' impulse. Multipliers are linear in the given acceleration.

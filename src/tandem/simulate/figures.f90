@@ -102,6 +102,8 @@ contains
         call reader%value('start_moved_q', s%start_moved_q)
         call reader%value('start_moved_qd', s%start_moved_qd)
         call reader%value('velocity_jump', s%velocity_jump)
+        call reader%count('crossings', s%crossings)
+        call reader%value('crossing_error', s%crossing_error)
         call reader%count('event_evaluations', s%event_evaluations)
         call reader%value('wall_seconds', s%wall_seconds)
         call reader%value('cpu_seconds', s%cpu_seconds)

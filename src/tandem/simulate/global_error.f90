@@ -247,8 +247,34 @@ contains
             return
         end if
         if (.not. self%is_bound) self%difference = self%difference/(1.0_wp - ratio)
+        if (simulation%n_crossings > 0) call add_crossings(self, simulation, model)
         call self%evaluate(model)
     end subroutine estimate
+
+    !> Add the errors of steps over singular configurations: rounding limits them, so that they are no smaller in the second run.
+    subroutine add_crossings(self, simulation, model)
+        class(global_error_type), intent(inout) :: self
+        !> The second run.
+        class(simulation_type), intent(in) :: simulation
+        class(model_type), intent(in) :: model
+        real(wp) :: scale(size(self%state, 1)), error
+        integer :: i, j, k
+
+        scale = model%scales()
+        error = 0.0_wp
+        i = 1
+        do k = 1, self%n_seen
+            do while (i <= simulation%n_crossings)
+                if (simulation%crossings(i)%t > self%t(k)) exit
+                error = error + simulation%crossings(i)%error
+                i = i + 1
+            end do
+            do j = 1, size(scale)
+                self%difference(j, 1, k) = self%difference(j, 1, k) + error*(scale(j) + abs(self%state(j, 1, k)))
+                self%difference(j, 2, k) = self%difference(j, 2, k) + error*(scale(j)/model%time_scale + abs(self%state(j, 2, k)))
+            end do
+        end do
+    end subroutine add_crossings
 
     !> Choose the options of the second run.
     subroutine choose_second(self, options, method, second, of_step)

@@ -19,12 +19,16 @@ module tandem_simulate_lost_rank
     integer, parameter :: disguises(3) = [status_position_diverged, status_chart_left, status_newton_failed]
     !> Steps approach a loss until its singular value has fallen to this part: closer to it, rounding determines the motion.
     real(wp), parameter :: least_independence = 1.0e-5_wp
+    !> Steps that errors make short look for a loss when the independence has fallen to a part of this, and again at parts of that.
+    real(wp), parameter :: first_look = 0.08_wp
 
     type :: lost_rank_type
         !> Time until the loss, if the smallest singular value continues to fall at its rate.
         real(wp), private :: room = huge(1.0_wp)
         !> Remaining part of the independence, and of the conditioning of massless coordinates, at the last step.
         real(wp), private :: fallen = 1.0_wp, loosened = 1.0_wp
+        !> Value of `fallen` at which `comes_close` was true last, or the one above which it is false.
+        real(wp), private :: seen = first_look
         !> Status for which a controlled step was given up, a loss or a status that may hide one, and the time until which it may
         !> still be ahead or close behind.
         integer, private :: reason = status_ok
@@ -32,7 +36,8 @@ module tandem_simulate_lost_rank
         !> End of a line ahead (n).
         real(wp), allocatable, private :: ahead(:)
     contains
-        procedure :: forget_ahead, forget_measure, go_back, is_ahead, was_met, is_near, longest_step, look_ahead, look_within
+        procedure :: forget_ahead, forget_measure, go_back, is_ahead, is_close, was_met, is_near, longest_step
+        procedure :: look_ahead, look_within, limits, comes_close
         procedure :: find_near, find_close, check, find_behind
         procedure, private :: loss_ahead
         procedure :: remember, check_branch, pack_state
@@ -84,6 +89,15 @@ contains
         is_ahead = self%room < huge(1.0_wp)
     end function is_ahead
 
+    !> True if the independence has fallen so far that rounding shows in velocities and accelerations.
+    pure logical function is_close(self, chart)
+        class(lost_rank_type), intent(in) :: self
+        class(chart_type), intent(in) :: chart
+        real(wp), parameter :: close = 0.05_wp
+
+        is_close = self%fallen < close .or. chart%independence < close*chart%best_independence
+    end function is_close
+
     !> The loss that was met, and that may still be close at a time; ok if there is none.
     pure integer function was_met(self, t)
         class(lost_rank_type), intent(in) :: self
@@ -101,6 +115,28 @@ contains
         is_near = self%is_ahead() .or. self%was_met(t) /= status_ok
     end function is_near
 
+    !> True if a loss ahead limits a step of size h; the time until the loss.
+    logical function limits(self, h, room)
+        class(lost_rank_type), intent(in) :: self
+        real(wp), intent(in) :: h
+        real(wp), intent(out) :: room
+
+        room = self%room
+        limits = self%is_ahead() .and. 0.5_wp*self%room < h
+    end function limits
+
+    !> True if the independence has fallen much since the last time, even if shorter steps than those to the loss are taken.
+    logical function comes_close(self, room)
+        class(lost_rank_type), intent(inout) :: self
+        real(wp), intent(out) :: room
+        real(wp), parameter :: part = 0.6_wp
+
+        room = self%room
+        if (.not. self%is_ahead()) self%seen = first_look
+        comes_close = self%is_ahead() .and. self%fallen < part*self%seen
+        if (comes_close) self%seen = self%fallen
+    end function comes_close
+
     !> Steps must shrink towards a loss, so that none contains it undetected: the longest step, given its limit otherwise.
     pure real(wp) function longest_step(self, h)
         class(lost_rank_type), intent(in) :: self
@@ -110,11 +146,13 @@ contains
     end function longest_step
 
     !> Before a step of about h: find if the loss ahead is too near, so that the run ends, or if there is none.
-    subroutine look_ahead(self, chart, state, h, t, loss)
+    subroutine look_ahead(self, chart, state, h, is_loss, t, loss)
         class(lost_rank_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(state_type), intent(in) :: state
         real(wp), intent(in) :: h
+        !> True if a loss is known to be ahead.
+        logical, intent(in) :: is_loss
         !> Time and kind of the loss; ok if steps continue.
         real(wp), intent(out) :: t
         integer, intent(out) :: loss
@@ -125,7 +163,7 @@ contains
             ! Determines the rows of the message.
             call self%loss_ahead(chart, state%t, state%q, state%qd, 2*self%room, loss)
             loss = merge(status_rank_deficient, status_singular_mass, self%fallen < least_independence)
-        else if (0.5_wp*self%room < h .and. chart%n_dropped == 0) then
+        else if (0.5_wp*self%room < h .and. chart%n_dropped == 0 .and. .not. is_loss) then
             ! Redundant rows belong to linkages with symmetries, whose branches may cross where C loses two ranks at once and keeps
             ! its orientation.
             call self%loss_ahead(chart, state%t, state%q, state%qd, 2*self%room, loss)
@@ -272,7 +310,7 @@ contains
         class(lost_rank_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
 
-        call pack%item(self%room, self%fallen, self%loosened)
+        call pack%item(self%room, self%fallen, self%loosened, self%seen)
         call pack%item(self%reason)
         call pack%item(self%until)
     end subroutine pack_state

@@ -42,6 +42,8 @@ contains
             allocated(self%chart%failure%term)) then
             message = message//', term '//self%chart%failure%term
         end if
+        if (stat == status_rank_deficient .and. self%crossing%obstacle /= '') message = message//'; it was not passed, since '// &
+            trim(self%crossing%obstacle)
         call set_error(error, stat, message, trim(advice_on_failure(stat, circumstance_, self%model, self%options, self%method, &
             self%chart%failure%row > 0)))
     end procedure fail

@@ -111,6 +111,7 @@ contains
             call self%control%restart()
             call self%between%control%begin()
             call self%local_error%restart()
+            call self%crossing%forget()
             call self%auto%stiffness%smoothness%restart()
             call self%chart%forget(.false.)
             stat = status_ok
@@ -129,7 +130,10 @@ contains
             else
                 call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
             end if
-            if (.not. allocated(error)) return
+            if (.not. allocated(error)) then
+                call self%crossing%note(state)
+                return
+            end if
             model%segment = model%segment - 1
             call self%chart%forget(.false.)
             state%qd(:) = qd

@@ -60,8 +60,10 @@ contains
         if (allocated(error)) return
         call allocate_work(self, model%scales(), model%time_scale)
         call self%next%allocate(model%n)
+        call self%crossing%initialize(options%singular == singular_modes(1) .and. model%n_constraints() > 0, model%n)
         call self%accept_start(error)
         self%is_ready = .not. allocated(error)
+        call self%crossing%note(self%state)
         if (.not. present(assembly)) return
         self%tally%start_moved_q = maxval(abs(self%state%q - q))
         self%tally%start_moved_qd = maxval(abs(self%state%qd - qd))
@@ -141,6 +143,7 @@ contains
         self%attempts%hindrance = status_ok
         self%attempts%is_interrupted = .false.
         self%lost_rank = lost_rank_type()
+        self%n_crossings = 0
         call self%attempts%reach%begin()
         self%attempts%count = 0
         self%attempts%count_of_look = 0

@@ -61,6 +61,9 @@ module tandem_simulate_statistics
         integer(long) :: event_evaluations = 0
         !> Largest jump of a velocity at a breakpoint or event.
         real(wp) :: velocity_jump = 0.0_wp
+        !> Singular configurations that were passed, and the largest estimated error of these steps, on the scale s + |y|.
+        integer(long) :: crossings = 0
+        real(wp) :: crossing_error = 0.0_wp
         !> Procedure of the model that was found to contradict others; blank if none. The evaluations of the search are included in
         !> the counters.
         character(len=contradiction_length) :: contradiction = ''
@@ -121,7 +124,8 @@ contains
         call pack%fixed(self%charts_by)
         call pack%item(self%position_error, self%velocity_error, self%acceleration_error, self%velocity_gap, self%t_gap)
         call pack%item(self%start_moved_q, self%start_moved_qd)
-        call pack%item(self%velocity_jump)
+        call pack%item(self%velocity_jump, self%crossing_error)
+        call pack%item(self%crossings)
         call pack%item(self%contradiction)
         call pack%item(self%wall_seconds, self%cpu_seconds)
     end subroutine pack_state

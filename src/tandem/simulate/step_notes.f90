@@ -39,7 +39,9 @@ contains
         real(wp) :: relative, filtered, gap
 
         associate (local => self%local_error)
-            gap = local%jump(self%state, self%next, self%method%order, self%tally%velocity_gap)
+            gap = 0.0_wp
+            if (.not. self%lost_rank%is_close(self%chart)) gap = local%jump(self%state, self%next, self%method%order, &
+                self%tally%velocity_gap)
             if (gap > self%tally%velocity_gap) then
                 self%tally%velocity_gap = gap
                 self%tally%t_gap = self%next%t

@@ -71,7 +71,7 @@ contains
             call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
             if (allocated(error)) return
             self%last_step = self%state%t - self%start%t
-            if (self%method%stability_limit > 0.0_wp) call watch_stiffness(self)
+            if (self%method%stability_limit > 0.0_wp .and. .not. self%crossing%is_last_step) call watch_stiffness(self)
             call self%between%output%note_step(self%model%segment)
             ! A wrong procedure shows in steps. Those whose number is a power of two, and those with a larger gap, are checked.
             if (popcnt(self%tally%steps + 1) == 1 .or. self%tally%velocity_gap > 2*before%gap) then
@@ -83,6 +83,7 @@ contains
         end do
         self%renewal%is_done = .false.
         if (allocated(error) .or. .not. self%last_step > 0.0_wp) return
+        call self%note_end()
         if (self%between%next_look < huge(1.0_wp)) then
             if (self%between%next_look <= self%state%t + 4*spacing(self%state%t)) self%between%next_look = huge(1.0_wp)
         end if
@@ -222,7 +223,7 @@ contains
 
         is_refused = .false.
         if (.not. self%options%is_adaptive()) return
-        if (self%between%next_look < self%state%t) then
+        if (self%between%next_look < self%state%t .and. .not. self%crossing%is_last_step) then
             call self%judge_between(is_refused)
         else
             call self%between%control%skip()
@@ -287,10 +288,13 @@ contains
         real(wp), intent(in) :: t_limit
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
-        logical :: ends_on_grid
-        real(wp) :: h
+        !> Part of a step by which its end may miss the grid.
+        real(wp), parameter :: sliver = 1.0e-6_wp
+        logical :: ends_on_grid, is_crossed
+        real(wp) :: h, stop_at
         integer :: stat
 
+        self%crossing%is_last_step = .false.
         call next_time(self, t_limit, self%next%t, ends_on_grid, ends_at_breakpoint)
         h = self%next%t - self%state%t
         if (.not. h > 0.0_wp) then
@@ -300,14 +304,13 @@ contains
         end if
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        call self%lost_rank%look_within(self%chart, self%state, h, stat)
-        if (stat == status_ok) then
-            call self%stepper%advance(self%chart, self%state, h, self%next, stat)
-            if (stat == status_ok) then
-                call self%lost_rank%check(self%chart, self%state, self%next, stat)
-            else
-                call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)
-            end if
+        call take_fixed_step(self, h, t_limit, is_crossed, stat)
+        if (is_crossed) then
+            call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
+            ends_at_breakpoint = ends_at_breakpoint .and. self%next%t >= stop_at
+            self%grid_steps = int((self%next%t - self%t_start)/self%options%step + sliver, long)
+            self%on_grid = abs(self%next%t - self%t_start - self%grid_steps*self%options%step) <= sliver*self%options%step
+            return
         end if
         if (stat /= status_ok) then
             call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error, &
@@ -326,6 +329,32 @@ contains
         if (ends_on_grid) self%grid_steps = self%grid_steps + 1
     end subroutine try_fixed_step
 
+    !> A step of size h, or one over a singular configuration.
+    subroutine take_fixed_step(self, h, t_limit, is_crossed, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: h, t_limit
+        logical, intent(out) :: is_crossed
+        integer, intent(out) :: stat
+        real(wp) :: room, stop_at
+        logical :: is_loss, is_breakpoint
+
+        stat = status_ok
+        is_crossed = .false.
+        call find_stop(self, t_limit, stop_at, is_breakpoint)
+        if (self%lost_rank%limits(0.75_wp*h, room)) call self%consider_crossing(2*max(room, h), stop_at, is_loss, is_crossed)
+        if (is_crossed) return
+        call self%lost_rank%look_within(self%chart, self%state, h, stat)
+        if (stat == status_ok) then
+            call self%stepper%advance(self%chart, self%state, h, self%next, stat)
+            if (stat == status_ok) then
+                call self%lost_rank%check(self%chart, self%state, self%next, stat)
+            else
+                call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)
+            end if
+        end if
+        if (stat == status_rank_deficient) call self%consider_crossing(2*h, stop_at, is_loss, is_crossed)
+    end subroutine take_fixed_step
+
     !> Warn if the fixed step to self%next passes over values of functions of time.
     subroutine look_between(self)
         class(simulation_type), intent(inout) :: self
@@ -343,21 +372,26 @@ contains
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: h, stop_at, norm, estimate
-        logical :: is_cut, is_short, is_first, is_sliver, has_failed
+        logical :: is_cut, is_short, is_first, is_sliver, has_failed, is_loss, is_crossed
         integer :: outcome, reason, stat
 
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
         is_first = .false.
+        is_crossed = .false.
+        is_sliver = .false.
+        is_cut = .false.
+        is_short = .false.
+        self%crossing%is_last_step = .false.
         has_failed = self%attempts%has_failed
         ! Tries ended by a limit on the work continue unchanged, so that the run equals the one without that limit.
         if (.not. self%attempts%is_interrupted .or. self%renewal%reason /= 0) then
-            call prepare_tries(self, stop_at, is_first, error)
+            call prepare_tries(self, stop_at, is_first, is_crossed, error)
             if (allocated(error)) return
             has_failed = .false.
         end if
         self%attempts%is_interrupted = .false.
         reason = self%attempts%hindrance
-        do
+        do while (.not. is_crossed)
             call check_progress(self, t_limit, stop_at, error)
             if (allocated(error)) return
             call propose_step(self, stop_at, h, is_cut, is_short)
@@ -378,6 +412,7 @@ contains
             reason = stat
             call give_up_try(self, h, norm, outcome, stat, error)
             if (allocated(error)) return
+            if (stat == status_rank_deficient) call self%consider_crossing(1.5_wp*h, stop_at, is_loss, is_crossed)
             ! Last, so that a run continued with a higher limit is the same.
             if (self%work%is_set) call check_work(self, error)
             if (allocated(error)) exit
@@ -386,6 +421,12 @@ contains
             self%attempts%is_interrupted = .true.
             self%attempts%has_failed = has_failed
             self%attempts%hindrance = reason
+            return
+        end if
+        self%on_grid = .true.
+        self%grid_steps = self%grid_steps + 1
+        if (is_crossed) then
+            ends_at_breakpoint = ends_at_breakpoint .and. self%next%t >= stop_at
             return
         end if
         self%attempts%hindrance = merge(reason, status_ok, has_failed)
@@ -397,8 +438,6 @@ contains
             call self%control%begin()
         end if
         ends_at_breakpoint = ends_at_breakpoint .and. is_cut
-        self%on_grid = .true.
-        self%grid_steps = self%grid_steps + 1
     end subroutine try_controlled_steps
 
     !> The longest step after the one to self%next, from the work on its stages and the reach of its chart.
@@ -519,21 +558,32 @@ contains
     end subroutine give_up_try
 
     !> Before the first try of a step: a new chart if required, the search ahead, the size of the first step.
-    subroutine prepare_tries(self, stop_at, is_first, error)
+    subroutine prepare_tries(self, stop_at, is_first, is_crossed, error)
         class(simulation_type), intent(inout) :: self
         !> Latest end of the step.
         real(wp), intent(in) :: stop_at
         !> True if its size is the first one.
         logical, intent(out) :: is_first
+        !> True if a step over a singular configuration was made instead.
+        logical, intent(out) :: is_crossed
         type(error_type), allocatable, intent(out) :: error
-        real(wp) :: t_loss
+        real(wp) :: t_loss, room
         integer :: loss
+        logical :: is_loss, is_close
 
         is_first = .false.
+        is_loss = .false.
+        is_crossed = .false.
         call self%local_error%begin_step(self%state%t)
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        call self%lost_rank%look_ahead(self%chart, self%state, self%control%h, t_loss, loss)
+        is_close = self%lost_rank%comes_close(room)
+        if (.not. is_close) is_close = self%lost_rank%limits(self%control%h, room)
+        if (is_close) then
+            call self%consider_crossing(2*room, stop_at, is_loss, is_crossed)
+            if (is_crossed) return
+        end if
+        call self%lost_rank%look_ahead(self%chart, self%state, self%control%h, is_loss, t_loss, loss)
         if (loss /= status_ok) then
             call self%fail(loss, 'at t = '//to_text(t_loss), error)
             return

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of rank loss in simulations: the planar four-bar stops in its flat position, where its rank changes, Bricard's mechanism,
-!> which lacks a rank everywhere, runs, and a disk that falls flat on its plane stops there.
+!> Tests of rank loss in simulations: with singular = 'stop' the planar four-bar stops in its flat position, where its rank changes;
+!> Bricard's mechanism, which lacks a rank everywhere, runs, and a disk that falls flat on its plane stops there.
 module test_singular
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_stopped, check_text, &
         check_true
@@ -85,6 +85,7 @@ contains
                 do i = 0, merge(60, 10, k == 1)
                     options = choose(stepper=trim(controlled(k)))
                     call change_stepper(options, options%stepper, rtol=10.0_wp**(-j))
+                    options%singular = 'stop'
                     call model%start(1.0_wp, -3.0_wp - 0.2_wp*i, q, qd)
                     call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
                     call check_failure(error, failure, 'rank_deficient', 'depend')
@@ -144,12 +145,15 @@ contains
         type(four_bar_type), target :: model
         type(simulation_type) :: simulation
         type(failure_type), allocatable :: failure
+        type(options_type) :: stopping
         real(wp) :: q(9), qd(9), step
 
+        stopping = options
+        stopping%singular = 'stop'
         model%g = 0.0_wp
         call model%define()
         call model%start(pi - ahead, 1.0_wp, q, qd)
-        call run(simulation, model, options, 0.0_wp, q, qd, t_end, failure)
+        call run(simulation, model, stopping, 0.0_wp, q, qd, t_end, failure)
         call check_failure(error, failure, 'rank_deficient', 'joint')
         if (allocated(error)) return
         call check_count(error, n_warnings(simulation), 0, 'warnings')
@@ -304,6 +308,7 @@ contains
                 call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
                 options%max_step = 0.05_wp
             end if
+            options%singular = 'stop'
             call run(simulation, model, options, 0.0_wp, q, qd, 2.0_wp, failure)
             call check_failure(error, failure, 'rank_deficient')
             if (allocated(error)) return

@@ -125,6 +125,7 @@ contains
         integer :: k
 
         options%step = 1.0e-2_wp
+        options%singular = 'stop'
         do k = 1, size(steppers)
             options%stepper = steppers(k)
             call model%close_in()

@@ -26,7 +26,7 @@ module tandem_chart_dense
     use tandem_status, only: status_chart_left, status_invalid_model, status_not_finite, status_ok, &
         status_position_diverged, status_rank_deficient, status_singular_mass
     use tandem_chart, only: chart_memory_type, chart_type, goal_type, least_bend, measure_type, need_change, need_contraction, &
-        need_line, need_policy, need_rank, step_end
+        need_independence, need_line, need_policy, need_rank, step_end
     use tandem_chart_implicit, only: implicit_chart_type
     use tandem_chart_dense_dynamics, only: dynamics_type
     use tandem_model_natural_scale, only: constraint_errors
@@ -145,6 +145,7 @@ module tandem_chart_dense
         procedure, private, non_overridable :: make_origin, restore_position, restore_velocity, place_bases, visit, move_to
         procedure, private, non_overridable :: refuse_infinite, find_velocity_basis, complete_velocity_basis
         procedure, private, non_overridable :: measure_split, measure_rank, find_loss_ahead, change_from, move_with
+        procedure, private, non_overridable :: measure_independence
         procedure, private, non_overridable :: blame, blame_dependent, fail_term, judge_blocks, name_infinite
     end type dense_chart_type
 
@@ -325,6 +326,16 @@ module tandem_chart_dense
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
         end subroutine measure_split
+
+        !> The smallest singular value of the unit rows of C at a point.
+        module subroutine measure_independence(self, t, q, independence, stat)
+            implicit none (type, external)
+            class(dense_chart_type), intent(inout) :: self
+            real(wp), intent(in) :: t
+            real(wp), intent(in), contiguous :: q(:)
+            real(wp), intent(inout) :: independence
+            integer, intent(out) :: stat
+        end subroutine measure_independence
 
         !> Loss of C on the straight line between two points, unless C changes too much on the line; else ok.
         module integer function find_loss_ahead(self, t_from, q_from, t, q) result(loss)

@@ -10,6 +10,7 @@ contains
         if (iand(need, need_rank) /= 0) call self%measure_rank(t_from, q_from, t, q, measure, stat)
         if (iand(need, need_line) /= 0) stat = self%find_loss_ahead(t_from, q_from, t, q)
         if (iand(need, need_policy) /= 0) call measure_policy(self, t, q, qd, measure, stat)
+        if (iand(need, need_independence) /= 0) call self%measure_independence(t, q, measure%independence, stat)
         if (stat /= status_ok .or. iand(need, need_change + need_contraction) == 0 .or. self%m == 0) return
         call self%move_to(t, q, stat)
         if (stat /= status_ok) return

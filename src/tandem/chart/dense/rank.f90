@@ -70,6 +70,14 @@ contains
         if (measure%room <= horizon) call self%blame_dependent(0)
     end procedure measure_rank
 
+    module procedure measure_independence
+        stat = status_ok
+        if (self%m == 0) return
+        call self%move_to(t, q, stat)
+        if (stat /= status_ok) return
+        call self%row_space%find_weakest(self%m, self%n, self%model%terms%jacobian, self%scale, self%work%x, independence)
+    end procedure measure_independence
+
     module procedure inherit
         call self%continue_counts(other%counts, other%best_independence)
         select type (other)

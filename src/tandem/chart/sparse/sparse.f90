@@ -2,7 +2,7 @@
 !> The sparse tangent-space chart at (t0, q0, qd0), for mechanisms of many bodies: the cost of a step is proportional to their
 !> number. Operations at points and between steps; `tandem_chart_sparse_motion` contains the operations of steps.
 module tandem_chart_sparse
-    use tandem_chart, only: measure_type, need_change, need_line, need_rank
+    use tandem_chart, only: measure_type, need_change, need_independence, need_line, need_rank
     use tandem_chart_sparse_factor, only: least_pivot
     use tandem_chart_sparse_coupled_stages, only: sparse_coupled_type
     use tandem_chart_sparse_motion, only: find_obstacle
@@ -21,7 +21,7 @@ module tandem_chart_sparse
     !> The chart by blocks of a factor.
     type, extends(sparse_coupled_type) :: sparse_chart_type
     contains
-        procedure :: do_project, remove_normal, do_find_multipliers, do_find_errors, do_measure, pack_state
+        procedure :: do_project, remove_normal, do_find_multipliers, do_find_errors, do_measure, forget_rank, pack_state
     end type sparse_chart_type
 
 contains
@@ -151,6 +151,7 @@ contains
         if (self%system%m == 0) return
         if (iand(need, need_rank) /= 0) call measure_rank(self, t, q, measure, stat)
         if (iand(need, need_line) /= 0) stat = loss_ahead(self, t_from, q_from, t, q)
+        if (iand(need, need_independence) /= 0) call measure_independence(self, t, q, measure%independence, stat)
         if (stat /= status_ok) return
         if (iand(need, need_change) /= 0) measure%change = relative_change(self)
     end subroutine do_measure
@@ -217,6 +218,31 @@ contains
             measure%fallen = now/max(self%best_independence, tiny(1.0_wp))
         end associate
     end subroutine measure_rank
+
+    !> The root of the smallest pivot at (t, q), relative to its diagonal entry.
+    subroutine measure_independence(self, t, q, independence, stat)
+        class(sparse_chart_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(out) :: independence
+        integer, intent(out) :: stat
+
+        independence = 0.0_wp
+        associate (s => self%system)
+            call s%visit(t, q, self%counts, stat)
+            if (stat == status_ok) call s%insist(self%counts, stat)
+            if (stat == status_ok) independence = sqrt(s%factor(s%here)%least)
+            if (stat == status_rank_deficient) stat = status_ok
+            if (stat /= status_ok) call self%fail_here(stat)
+        end associate
+    end subroutine measure_independence
+
+    !> Comparisons of C begin anew.
+    subroutine forget_rank(self)
+        class(sparse_chart_type), intent(inout) :: self
+
+        self%rank%has_combination = .false.
+    end subroutine forget_rank
 
     !> Loss of C on the straight line between two points.
     integer function loss_ahead(self, t_from, q_from, t, q)

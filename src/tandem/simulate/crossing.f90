@@ -1,0 +1,482 @@
+! SPDX-License-Identifier: MIT
+!> Steps over singular configurations: C loses rank at one instant, and the motion is smooth (theory, section 25). A polynomial
+!> through states before it continues the motion to a time behind it, where C has its rank again. The nearer the states, the smaller
+!> the error of the polynomial, and the larger the rounding errors of the states, which grow with the square of the condition of C.
+submodule(tandem_simulation) tandem_simulate_crossing
+    use tandem_chart, only: need_independence
+    use tandem_simulate_state_polynomial, only: most_nodes
+    implicit none (type, external)
+
+    !> Smallest part of the best independence at states that determine the motion behind the configuration.
+    real(wp), parameter :: least_part = 1.0e-3_wp
+    !> Largest error of a crossing: part of the tolerance; if no later step can reduce it, multiple of the tolerance, or
+    !> relative; and in any case relative.
+    real(wp), parameter :: small_part = 0.1_wp, last_part = 100.0_wp, sure_error = 1.0e-5_wp, largest_error = 1.0e-4_wp
+    !> Error of a position whose branches can be told apart, relative to its distance from the configuration.
+    real(wp), parameter :: clear_part = 1.0e-2_wp
+
+contains
+
+    module procedure consider_crossing
+        integer :: base
+        logical :: is_nearest
+
+        is_loss = .false.
+        is_crossed = .false.
+        associate (crossing => self%crossing)
+            if (.not. crossing%is_on .or. abs(crossing%tried_at - self%state%t) <= 0.0_wp) return
+            crossing%tried_at = self%state%t
+            crossing%obstacle = ''
+            if (crossing%recent%n < 2) return
+            call prepare(self)
+            call self%chart%get_memory(crossing%memory)
+            ! The last state may be too near to have reliable accelerations.
+            call locate(self, 1, reach, is_loss)
+            if (.not. is_loss) call locate(self, 2, reach, is_loss)
+            if (is_loss) then
+                call choose_base(self, stop_at, base, is_nearest)
+                if (base > 0) then
+                    call compare(self, is_nearest)
+                    call judge(self, .not. is_nearest, is_crossed)
+                end if
+            end if
+            call self%chart%set_memory(crossing%memory)
+            if (is_crossed) call go_over(self)
+        end associate
+    end procedure consider_crossing
+
+    !> Allocate the work space.
+    subroutine prepare(self)
+        class(simulation_type), intent(inout) :: self
+
+        associate (crossing => self%crossing, n => self%model%n)
+            if (allocated(crossing%values)) return
+            allocate (crossing%values(n, 3))
+            call crossing%trial%allocate(n)
+            call crossing%predicted%allocate(n)
+        end associate
+    end subroutine prepare
+
+    !> Let a polynomial pass through recent states from one on, at least some time apart, as many as possible.
+    subroutine pass_through(self, first, gap, n_nodes)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: first
+        real(wp), intent(in) :: gap
+        integer, intent(out) :: n_nodes
+        real(wp) :: last
+        integer :: i
+
+        associate (crossing => self%crossing, recent => self%crossing%recent)
+            call crossing%curve%begin(self%model%n, self%state%t)
+            last = huge(1.0_wp)
+            n_nodes = 0
+            do i = first, recent%n
+                if (last - recent%t(i) < gap) cycle
+                call recent%get(i, crossing%values)
+                call crossing%curve%add_state(recent%t(i), crossing%values)
+                last = recent%t(i)
+                n_nodes = n_nodes + 1
+                if (n_nodes == most_nodes) exit
+            end do
+        end associate
+    end subroutine pass_through
+
+    !> Find the time at which C loses rank on the continued motion: its independence falls to zero and rises again, about linearly.
+    subroutine locate(self, first, reach, is_found)
+        class(simulation_type), intent(inout) :: self
+        !> The first state that determines it.
+        integer, intent(in) :: first
+        !> Time within which it is searched for.
+        real(wp), intent(in) :: reach
+        logical, intent(out) :: is_found
+        !> Part to which an interval shrinks in a pass; part of the independence now that may be left.
+        real(wp), parameter :: shrinks = 0.1_wp, left_over = 0.02_wp
+        integer, parameter :: most_passes = 3
+        real(wp) :: from, to, at, width, here, at_from, at_to, at_least
+        integer :: n_nodes, pass, stat
+
+        is_found = .false.
+        call pass_through(self, first, 0.25_wp*reach, n_nodes)
+        associate (state => self%state, crossing => self%crossing)
+            call independence_at(self, state%t, here, stat)
+            if (stat /= status_ok) return
+            from = 0.0_wp
+            to = reach
+            at_from = here
+            call independence_at(self, state%t + to, at_to, stat)
+            if (stat /= status_ok) return
+            do pass = 1, most_passes
+                if (.not. at_from + at_to > 0.0_wp) exit
+                at = (from*at_to + to*at_from)/(at_from + at_to)
+                width = shrinks*(to - from)
+                from = max(at - width, 0.0_wp)
+                to = at + width
+                call independence_at(self, state%t + from, at_from, stat)
+                if (stat == status_ok) call independence_at(self, state%t + to, at_to, stat)
+                if (stat /= status_ok) return
+            end do
+            at = 0.5_wp*(from + to)
+            if (at_from + at_to > 0.0_wp) at = (from*at_to + to*at_from)/(at_from + at_to)
+            call independence_at(self, state%t + at, at_least, stat)
+            if (stat /= status_ok) return
+            crossing%record%t = state%t + at
+            crossing%rate = here/max(at, spacing(abs(state%t)))
+            is_found = at > 0.0_wp .and. at_least <= left_over*here
+        end associate
+    end subroutine locate
+
+    !> The independence of C at a time, on the continued motion.
+    subroutine independence_at(self, t, independence, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        real(wp), intent(out) :: independence
+        integer, intent(out) :: stat
+        type(measure_type) :: measure
+
+        associate (crossing => self%crossing, there => self%crossing%predicted)
+            call crossing%curve%evaluate(t, there%q, there%qd, there%qdd)
+            call self%chart%measure(need_independence, self%state%t, self%state%q, t, there%q, there%qd, measure, stat)
+            independence = measure%independence
+        end associate
+    end subroutine independence_at
+
+    !> Extrapolate from recent states at some distances, nearest first, and keep the result with the smallest error.
+    subroutine choose_base(self, stop_at, base, is_nearest)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: stop_at
+        !> The nearest of these states; 0 if none gives a result.
+        integer, intent(out) :: base
+        !> True if no more distant state gives a smaller error, so that a nearer one may give a smaller one.
+        logical, intent(out) :: is_nearest
+        integer, parameter :: most_tries = 5
+        !> A state that is not that much further away is left out; beyond this part of the best independence errors of states are
+        !> negligible, and the nearest state is the best.
+        real(wp), parameter :: further = 1.9_wp, far = 0.05_wp
+        !> Times between states, relative to half the time from the base to the end. States further apart magnify their errors less,
+        !> states close together leave a smaller error of the polynomial.
+        real(wp), parameter :: gaps(3) = [8.0_wp, 3.0_wp, 0.7_wp]
+        real(wp) :: error, least_error, gap, last_distance, part
+        integer :: i, k, n_nodes, n_tries
+        logical :: is_last
+
+        base = 0
+        n_tries = 0
+        least_error = huge(1.0_wp)
+        last_distance = 0.0_wp
+        is_last = .false.
+        is_nearest = .true.
+        gap = gaps(1)
+        associate (crossing => self%crossing, recent => self%crossing%recent)
+            crossing%obstacle = 'the last states before it are too near to determine the motion behind it'
+            do i = 1, recent%n
+                associate (distance => crossing%record%t - recent%t(i))
+                    part = crossing%rate*distance/self%chart%best_independence
+                    if (part < least_part) cycle
+                    if (distance < further*last_distance) cycle
+                    if (n_tries == most_tries .or. (n_tries > 0 .and. part > far)) exit
+                    last_distance = distance
+                end associate
+                n_tries = n_tries + 1
+                do k = 1, size(gaps)
+                    if (k == size(gaps) .and. n_nodes > 2) exit
+                    call extrapolate(self, i, gaps(k), stop_at, n_nodes, error)
+                    is_last = error < least_error
+                    if (is_last) then
+                        base = i
+                        gap = gaps(k)
+                        is_nearest = n_tries == 1
+                    end if
+                    least_error = min(error, least_error)
+                end do
+            end do
+        end associate
+        if (base > 0 .and. .not. is_last) call extrapolate(self, base, gap, stop_at, n_nodes, error)
+    end subroutine choose_base
+
+    !> Compare the error with those of earlier tries: nearer states have not reduced it if they do not any more.
+    subroutine compare(self, is_falling)
+        class(simulation_type), intent(inout) :: self
+        !> True if the error falls with the distance.
+        logical, intent(inout) :: is_falling
+        !> Usual part of the error at half the distance; part of the distance by which a time may be off.
+        real(wp), parameter :: falls = 0.3_wp, off = 0.1_wp
+
+        associate (crossing => self%crossing, record => self%crossing%record)
+            if (abs(crossing%tried_for - record%t) > off*(record%t - self%state%t)) then
+                crossing%tried_error = huge(1.0_wp)
+                crossing%tried_for = record%t
+            end if
+            is_falling = is_falling .and. record%error < falls*crossing%tried_error
+            crossing%tried_error = min(crossing%tried_error, record%error)
+        end associate
+    end subroutine compare
+
+    !> Extrapolate to a time behind the configuration, at least as far from it as the base, and find the error.
+    subroutine extrapolate(self, base, gap, stop_at, n_nodes, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: base
+        !> Least time between states, relative to half the time from the base to the end.
+        real(wp), intent(in) :: gap, stop_at
+        !> Number of states.
+        integer, intent(out) :: n_nodes
+        !> Relative error, huge if there is no result.
+        real(wp), intent(out) :: error
+        real(wp) :: distance
+
+        error = huge(1.0_wp)
+        associate (crossing => self%crossing)
+            distance = crossing%record%t - crossing%recent%t(base)
+            n_nodes = most_nodes
+            call choose_end(self, distance, stop_at)
+            if (.not. crossing%record%t_to > crossing%record%t) return
+            distance = 0.5_wp*(crossing%record%t_to - crossing%recent%t(base))
+            call pass_through(self, base, gap*distance, n_nodes)
+            if (n_nodes < 2) then
+                crossing%obstacle = 'the run has too few steps before it'
+                return
+            end if
+            call correct(self, base, gap*distance, error)
+            crossing%record%error = error
+            crossing%record%t_from = self%state%t
+        end associate
+    end subroutine extrapolate
+
+    !> Choose the end of the step: at least as far behind the configuration as the base before it, on the grid of fixed steps, or at
+    !> the next stop, if that is not too near.
+    subroutine choose_end(self, distance, stop_at)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: distance, stop_at
+        !> Part of the distance that may be left to the next stop; part of the best independence, and number of fixed steps, from
+        !> which steps can continue: closer to the configuration, charts have a shorter reach.
+        real(wp), parameter :: remainder = 0.2_wp, sound_part = 0.01_wp, fixed_steps = 2.0_wp
+        real(wp) :: behind
+
+        associate (crossing => self%crossing, record => self%crossing%record)
+            behind = max(distance, sound_part*self%chart%best_independence/crossing%rate)
+            if (.not. self%options%is_adaptive()) behind = max(behind, fixed_steps*self%options%step)
+            record%t_to = record%t + behind
+            if (.not. self%options%is_adaptive()) record%t_to = self%t_start + self%options%step* &
+                real(ceiling((record%t_to - self%t_start)/self%options%step, long), wp)
+            if (record%t_to + remainder*behind > stop_at) record%t_to = stop_at
+            if (crossing%rate*(record%t_to - record%t) >= least_part*self%chart%best_independence) return
+            crossing%obstacle = 'a stop of the steps at t = '//to_text(stop_at)//' is too near behind it'
+            record%t_to = record%t
+        end associate
+    end subroutine choose_end
+
+    !> The state behind the configuration: the polynomial, projected onto the constraints, and corrected by the accelerations there.
+    !> The correction, and the way back to the base from the state found, give the error.
+    subroutine correct(self, base, gap, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: base
+        !> Least time between states.
+        real(wp), intent(in) :: gap
+        real(wp), intent(inout) :: error
+        integer :: i, pass, stat
+        logical :: is_back
+
+        associate (crossing => self%crossing, state => self%crossing%trial, predicted => self%crossing%predicted)
+            state%t = crossing%record%t_to
+            predicted%t = state%t
+            call crossing%curve%evaluate(state%t, predicted%q, predicted%qd, predicted%qdd)
+            call state%copy(predicted)
+            do pass = 1, 2
+                if (pass == 2) then
+                    call crossing%curve%add_acceleration(state%t, state%qdd)
+                    call crossing%curve%evaluate(state%t, state%q, state%qd, state%qdd)
+                end if
+                call self%chart%project(state%t, state%q, state%qd, .true., stat)
+                if (stat == status_ok) call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
+                if (stat /= status_ok) then
+                    crossing%obstacle = 'the constraints permit no motion behind it'
+                    return
+                end if
+            end do
+            do i = 1, size(state%q)
+                state%dq(i) = state%q(i) - predicted%q(i)
+                state%dqd(i) = state%qd(i) - predicted%qd(i)
+            end do
+            error = self%local_error%largest_part(state, state%dq, state%dqd)
+            call go_back(self, base, gap, is_back)
+            if (.not. is_back) return
+            error = max(error, self%local_error%largest_part(state, predicted%dq, predicted%dqd))
+            do i = 1, size(state%q)
+                if (abs(predicted%dq(i)) > abs(state%dq(i))) state%dq(i) = predicted%dq(i)
+                if (abs(predicted%dqd(i)) > abs(state%dqd(i))) state%dqd(i) = predicted%dqd(i)
+            end do
+        end associate
+    end subroutine correct
+
+    !> The way back: the polynomial through the state behind the configuration and through the states before the base, at the base.
+    subroutine go_back(self, base, gap, is_back)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: base
+        real(wp), intent(in) :: gap
+        logical, intent(out) :: is_back
+        real(wp) :: last
+        integer :: i, n_nodes
+
+        associate (crossing => self%crossing, recent => self%crossing%recent, state => self%crossing%trial)
+            call crossing%back%begin(self%model%n, self%state%t)
+            crossing%values(:, 1) = state%q
+            crossing%values(:, 2) = state%qd
+            crossing%values(:, 3) = state%qdd
+            call crossing%back%add_state(state%t, crossing%values)
+            n_nodes = 1
+            last = recent%t(base)
+            do i = base + 1, recent%n
+                if (last - recent%t(i) < gap) cycle
+                call recent%get(i, crossing%values)
+                call crossing%back%add_state(recent%t(i), crossing%values)
+                last = recent%t(i)
+                n_nodes = n_nodes + 1
+                if (n_nodes == most_nodes) exit
+            end do
+            is_back = n_nodes > 2
+            if (.not. is_back) return
+            call recent%get(base, crossing%values)
+            associate (there => crossing%predicted)
+                call crossing%back%evaluate(recent%t(base), there%dq, there%dqd, there%qdd)
+                there%dq(:) = there%dq - crossing%values(:, 1)
+                there%dqd(:) = there%dqd - crossing%values(:, 2)
+            end associate
+        end associate
+    end subroutine go_back
+
+    !> Decide if the step is accepted: by its error, by the branches, by the rank of C at its end, and by the constraints within it.
+    subroutine judge(self, is_limited, is_accepted)
+        class(simulation_type), intent(inout) :: self
+        !> True if errors of states limit the error: nearer states do not reduce it.
+        logical, intent(in) :: is_limited
+        logical, intent(out) :: is_accepted
+        real(wp) :: moved, errors(3), norm
+        type(measure_type) :: measure
+        integer :: i, rows(3), stat
+        logical :: is_last_chance
+
+        is_accepted = .false.
+        is_last_chance = .true.
+        associate (crossing => self%crossing, state => self%crossing%trial, record => self%crossing%record)
+            norm = 0.0_wp
+            if (self%options%is_adaptive()) then
+                ! The next state would be too near.
+                is_last_chance = is_limited .or. crossing%rate*(record%t - self%state%t) < &
+                    4*least_part*self%chart%best_independence
+                call self%control%set_weights(self%state%q, state%q, self%state%qd, state%qd)
+                do i = 1, size(state%q)
+                    norm = max(norm, abs(state%dq(i))*self%control%weight_q(i), abs(state%dqd(i))*self%control%weight_qd(i))
+                end do
+                norm = norm/merge(last_part, small_part, is_last_chance)
+            end if
+            crossing%obstacle = 'a function of time changes within the step over it'
+            if (self%model%hides(self%state%t, state%t, .true.)) return
+            crossing%obstacle = 'the extrapolated motion is uncertain by '//to_text(record%error)
+            if (is_last_chance .and. record%error <= sure_error) norm = 0.0_wp
+            if (.not. (norm <= 1.0_wp .and. record%error <= largest_error)) return
+            call crossing%curve%evaluate(record%t, crossing%predicted%q, crossing%predicted%qd, crossing%predicted%qdd)
+            crossing%predicted%q(:) = state%q - crossing%predicted%q
+            moved = self%model%largest_on_scales(crossing%predicted%q)
+            crossing%obstacle = 'the velocity through it is too small to tell branches apart'
+            if (.not. (self%model%largest_on_scales(state%dq) <= clear_part*moved .and. &
+                self%model%largest_on_scales(state%dqd) <= clear_part*self%model%largest_on_scales(state%qd))) return
+            crossing%obstacle = 'the constraints do not regain their rank behind it'
+            call self%chart%measure(need_independence, self%state%t, self%state%q, state%t, state%q, state%qd, measure, stat)
+            if (stat /= status_ok .or. .not. measure%independence > 0.2_wp*crossing%rate*(state%t - record%t)) return
+            crossing%obstacle = 'the extrapolated motion does not satisfy the constraints'
+            if (.not. stays_near(self)) return
+            call self%chart%find_errors(state%t, state%q, state%qd, state%qdd, errors, rows, stat)
+            is_accepted = stat == status_ok .and. maxval(errors) <= self%options%constraint_tolerance
+            if (is_accepted) crossing%obstacle = ''
+        end associate
+    end subroutine judge
+
+    !> True if the polynomial satisfies the constraints close to the configuration. Where the motion only passes near a
+    !> configuration of lower rank and turns off, the polynomial passes between two branches.
+    logical function stays_near(self)
+        class(simulation_type), intent(inout) :: self
+        !> Part of the best independence there; largest rounding error of the position.
+        real(wp), parameter :: parts(2) = [1.0e-4_wp, 1.0e-3_wp], rounding = 1.0e-9_wp
+        real(wp) :: t
+        integer :: k, stat
+
+        stays_near = .false.
+        associate (crossing => self%crossing, there => self%crossing%predicted)
+            do k = 1, size(parts)
+                t = crossing%record%t + min(parts(k)*self%chart%best_independence/crossing%rate, &
+                    0.1_wp*(crossing%trial%t - crossing%record%t))
+                call crossing%curve%evaluate(t, there%q, there%qd, there%qdd)
+                there%dq(:) = there%q
+                call self%chart%project(t, there%q, there%qd, .true., stat)
+                if (stat == status_ok) exit
+            end do
+            if (stat /= status_ok) return
+            there%dq(:) = there%q - there%dq
+            there%dqd(:) = 0.0_wp
+            stays_near = self%local_error%largest_part(crossing%trial, there%dq, there%dqd) <= crossing%record%error + rounding
+        end associate
+    end function stays_near
+
+    module procedure note_end
+        type(crossing_record_type), allocatable :: longer(:)
+
+        associate (crossing => self%crossing)
+            if (.not. crossing%is_on) return
+            if (crossing%is_last_step) then
+                crossing%record%t_to = self%state%t
+                if (crossing%record%t <= self%state%t) then
+                    if (.not. allocated(self%crossings)) allocate (self%crossings(16))
+                    if (self%n_crossings == size(self%crossings)) then
+                        allocate (longer(2*self%n_crossings))
+                        longer(:self%n_crossings) = self%crossings
+                        call move_alloc(longer, self%crossings)
+                    end if
+                    self%n_crossings = self%n_crossings + 1
+                    self%crossings(self%n_crossings) = crossing%record
+                    self%tally%crossings = self%tally%crossings + 1
+                    self%tally%crossing_error = max(self%tally%crossing_error, crossing%record%error)
+                end if
+                ! States before the configuration may be as inaccurate as they were near.
+                call crossing%recent%forget()
+            end if
+            call crossing%note(self%state)
+        end associate
+    end procedure note_end
+
+    module procedure look_into_crossing
+        !> Nearer to the configuration than this part of the step, C determines the motion less well than the polynomial.
+        real(wp), parameter :: near = 0.1_wp
+
+        associate (crossing => self%crossing, record => self%crossing%record, state => self%state)
+            call crossing%curve%evaluate(t, state%q, state%qd, state%qdd)
+            stat = status_ok
+            if (abs(t - record%t) < near*(record%t_to - record%t_from)) return
+            call self%chart%project(t, state%q, state%qd, .true., stat)
+            if (stat == status_ok) call self%chart%accelerate(t, state%q, state%qd, step_end, state%qdd, stat)
+        end associate
+    end procedure look_into_crossing
+
+    !> Make the step: its end is the next state.
+    subroutine go_over(self)
+        class(simulation_type), intent(inout) :: self
+        integer :: i
+
+        associate (next => self%next, state => self%state, trial => self%crossing%trial)
+            next%t = trial%t
+            do i = 1, size(next%q)
+                next%q(i) = trial%q(i)
+                next%qd(i) = trial%qd(i)
+                next%qdd(i) = trial%qdd(i)
+                next%dq(i) = state%dq(i) + (trial%q(i) - state%q(i))
+                next%dqd(i) = state%dqd(i) + (trial%qd(i) - state%qd(i))
+            end do
+        end associate
+        self%crossing%is_last_step = .true.
+        self%lost_rank = lost_rank_type()
+        call self%chart%forget_rank()
+        call self%local_error%restart()
+        call self%local_error%add(self%crossing%record%error, 1)
+        self%attempts%hindrance = status_ok
+        self%attempts%n_collapsed = 0
+        call self%attempts%slowing%restart()
+    end subroutine go_over
+end submodule tandem_simulate_crossing

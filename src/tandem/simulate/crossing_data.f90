@@ -1,0 +1,95 @@
+! SPDX-License-Identifier: MIT
+!> Data of crossings: steps over configurations in which C loses rank at one instant, and the motion is smooth.
+module tandem_simulate_crossing_data
+    use tandem_chart, only: chart_memory_type
+    use tandem_kinds, only: long, wp
+    use tandem_pack, only: pack_type
+    use tandem_simulate_recent_states, only: recent_states_type
+    use tandem_simulate_state_polynomial, only: state_polynomial_type
+    use tandem_stepper_state, only: state_type
+    implicit none (type, external)
+    private
+
+    public :: crossing_record_type, crossing_type, obstacle_length
+
+    !> Length of the reason why a configuration was not passed.
+    integer, parameter :: obstacle_length = 160
+
+    !> Record of a singular configuration that was passed.
+    type :: crossing_record_type
+        !> Its time, and the ends of the step over it.
+        real(wp) :: t = 0.0_wp, t_from = 0.0_wp, t_to = 0.0_wp
+        !> Estimated error of that step, relative to s + |y| of each coordinate and velocity.
+        real(wp) :: error = 0.0_wp
+    end type crossing_record_type
+
+    !> What a run keeps for crossings.
+    type :: crossing_type
+        !> True if singular configurations are to be passed.
+        logical :: is_on = .false.
+        type(recent_states_type) :: recent
+        !> The motion through the last configuration, or through the one ahead.
+        type(state_polynomial_type) :: curve
+        !> True if it describes the last step.
+        logical :: is_last_step = .false.
+        !> Time from which a crossing was tried last, and the reason why it was not made; blank if none was tried.
+        real(wp) :: tried_at = -huge(1.0_wp)
+        character(len=obstacle_length) :: obstacle = ''
+        !> Smallest error of the tries before, and the configuration to which they belong.
+        real(wp) :: tried_error = huge(1.0_wp), tried_for = -huge(1.0_wp)
+        !> The crossing that is being made: the configuration, the rate of the independence there, its limits, the error.
+        type(crossing_record_type) :: record
+        real(wp) :: rate = 0.0_wp
+        !> Work space: a state and its prediction; states of the polynomial (n, 3); the polynomial of the way back; the chart.
+        type(state_type) :: trial, predicted
+        real(wp), allocatable :: values(:, :)
+        type(state_polynomial_type) :: back
+        class(chart_memory_type), allocatable :: memory
+    contains
+        procedure :: initialize, note, forget, pack_state
+    end type crossing_type
+
+contains
+
+    !> Begin a run.
+    subroutine initialize(self, is_on, n)
+        class(crossing_type), intent(out) :: self
+        logical, intent(in) :: is_on
+        !> Number of coordinates.
+        integer, intent(in) :: n
+
+        self%is_on = is_on
+        if (is_on) call self%recent%initialize(n)
+    end subroutine initialize
+
+    !> A step has ended at a state.
+    pure subroutine note(self, state)
+        class(crossing_type), intent(inout) :: self
+        type(state_type), intent(in) :: state
+
+        if (self%is_on) call self%recent%note(state)
+    end subroutine note
+
+    !> The motion has a kink or a jump here.
+    pure subroutine forget(self)
+        class(crossing_type), intent(inout) :: self
+
+        call self%recent%forget()
+        self%tried_at = -huge(1.0_wp)
+    end subroutine forget
+
+    !> All components that later steps use.
+    subroutine pack_state(self, pack)
+        class(crossing_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        if (.not. self%is_on) return
+        call self%recent%pack_state(pack)
+        call pack%item(self%tried_at, self%tried_error, self%tried_for)
+        call pack%item(self%obstacle)
+        call pack%item(self%is_last_step)
+        call pack%item(self%record%error)
+        call pack%item(self%record%t, self%record%t_from, self%record%t_to)
+        if (self%is_last_step) call self%curve%pack_state(pack)
+    end subroutine pack_state
+end module tandem_simulate_crossing_data

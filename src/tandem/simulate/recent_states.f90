@@ -1,0 +1,108 @@
+! SPDX-License-Identifier: MIT
+!> Recent states of a run, spread over the time before the last one: as consecutive as its steps, and further back less and less
+!> dense. A polynomial through some of them continues the motion where C loses rank.
+module tandem_simulate_recent_states
+    use tandem_kinds, only: wp
+    use tandem_pack, only: pack_type
+    use tandem_stepper_state, only: state_type
+    implicit none (type, external)
+    private
+
+    public :: recent_states_type
+
+    !> Number of states.
+    integer, parameter :: most = 16
+
+    type :: recent_states_type
+        !> Number of stored states.
+        integer :: n = 0
+        !> Their times, the last state first (most).
+        real(wp), allocatable :: t(:)
+        !> Their places in `values`.
+        integer, allocatable, private :: place(:)
+        !> Coordinates, velocities and accelerations (n, 3, most).
+        real(wp), allocatable, private :: values(:, :, :)
+    contains
+        procedure :: initialize, forget, note, get, pack_state
+    end type recent_states_type
+
+contains
+
+    !> Allocate for n coordinates, without states.
+    pure subroutine initialize(self, n)
+        class(recent_states_type), intent(inout) :: self
+        integer, intent(in) :: n
+        integer :: i
+
+        if (allocated(self%t)) deallocate (self%t, self%place, self%values)
+        allocate (self%t(most), self%values(n, 3, most), source=0.0_wp)
+        allocate (self%place(most), source=[(i, i=1, most)])
+        self%n = 0
+    end subroutine initialize
+
+    !> Discard all states: the motion has a kink or a jump here, or continues elsewhere.
+    pure subroutine forget(self)
+        class(recent_states_type), intent(inout) :: self
+
+        self%n = 0
+    end subroutine forget
+
+    !> Add the last state. If no place is left, it replaces the one between whose neighbours the time is shortest compared with the
+    !> time that has passed since, or the oldest.
+    pure subroutine note(self, state)
+        class(recent_states_type), intent(inout) :: self
+        type(state_type), intent(in) :: state
+        !> States further apart than this need no others between them.
+        real(wp), parameter :: widest = 0.6_wp
+        real(wp) :: gap, least
+        integer :: i, free, k
+
+        if (self%n < most) then
+            self%n = self%n + 1
+            free = self%n
+        else
+            free = most
+            least = widest
+            do i = 2, most - 1
+                gap = (self%t(i - 1) - self%t(i + 1))/(state%t - self%t(i + 1))
+                if (gap < least) then
+                    least = gap
+                    free = i
+                end if
+            end do
+        end if
+        k = self%place(free)
+        do i = free, 2, -1
+            self%t(i) = self%t(i - 1)
+            self%place(i) = self%place(i - 1)
+        end do
+        self%t(1) = state%t
+        self%place(1) = k
+        do i = 1, size(state%q)
+            self%values(i, 1, k) = state%q(i)
+            self%values(i, 2, k) = state%qd(i)
+            self%values(i, 3, k) = state%qdd(i)
+        end do
+    end subroutine note
+
+    !> The i-th state, counted from the last one.
+    pure subroutine get(self, i, values)
+        class(recent_states_type), intent(in) :: self
+        integer, intent(in) :: i
+        !> Coordinates, velocities and accelerations (n, 3).
+        real(wp), intent(out) :: values(:, :)
+
+        values(:, :) = self%values(:, :, self%place(i))
+    end subroutine get
+
+    !> All components.
+    subroutine pack_state(self, pack)
+        class(recent_states_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+
+        call pack%item(self%n)
+        call pack%item(self%t)
+        call pack%item(self%place)
+        call pack%item(self%values)
+    end subroutine pack_state
+end module tandem_simulate_recent_states

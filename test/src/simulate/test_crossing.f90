@@ -1,0 +1,462 @@
+! SPDX-License-Identifier: MIT
+!> Tests of crossings of singular configurations: parallelograms, an antiparallelogram and a slider-crank of equal lengths continue
+!> on their branch, with the motion of their reduced equation; configurations that are only near are not crossed.
+module test_crossing
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
+    use large_runs, only: begin, controlled
+    use model_centric_slider, only: centric_slider_type
+    use model_crank_pair, only: crank_pair_type
+    use model_four_bar, only: four_bar_type
+    use runs, only: choose, run
+    use tandem, only: change_stepper, failure_type => error_type, long, mechanism_type, options_type, simulation_type, &
+        statistics_type, stepper_names, threshold_event_type, wp
+    use testdrive, only: error_type, new_unittest, test_failed, unittest_type
+    implicit none (type, external)
+    private
+
+    public :: collect_crossing
+
+    real(wp), parameter :: gravity = 9.81_wp
+    !> Antiparallel cranks of 1 with pivots 2 apart: tan(psi/2) = ratio tan(theta/2).
+    real(wp), parameter :: ratio = -3.0_wp
+    !> Accelerations of the single degree of freedom.
+    integer, parameter :: parallel = 1, antiparallel = 2, slider = 3, row = 4
+
+contains
+
+    !> The suite.
+    subroutine collect_crossing(testsuite)
+        type(unittest_type), allocatable, intent(out) :: testsuite(:)
+
+        testsuite = [ &
+            new_unittest('a-parallelogram-turns-like-a-pendulum', test_parallelogram), &
+            new_unittest('a-row-of-four-bars-turns-like-a-pendulum', test_row), &
+            new_unittest('a-slider-crank-passes-its-pivot', test_slider), &
+            new_unittest('an-antiparallelogram-stays-one', test_antiparallelogram), &
+            new_unittest('estimated-errors-cover-the-true-ones', test_estimates), &
+            new_unittest('a-linkage-that-only-comes-near-turns-off', test_near), &
+            new_unittest('a-run-may-stop-there-instead', test_stop), &
+            new_unittest('too-slow-a-motion-is-not-passed', test_slow), &
+            new_unittest('the-motion-within-a-crossing', test_within), &
+            new_unittest('an-event-within-a-crossing', test_event), &
+            new_unittest('a-resumed-run-crosses-alike', test_resumption)]
+    end subroutine collect_crossing
+
+    !> The angle and its rate at a time from those at the start, by 20000 steps of RK4 per unit of time; error below 1e-12.
+    subroutine turn(kind, t, angle, rate, c)
+        integer, intent(in) :: kind
+        real(wp), intent(in) :: t
+        real(wp), intent(inout) :: angle, rate
+        !> Factor of the acceleration of `row`.
+        real(wp), intent(in), optional :: c
+        real(wp), parameter :: per_time = 2.0e4_wp
+        real(wp) :: y(2), k(2, 4), h
+        integer :: i, n
+
+        n = max(1, ceiling(t*per_time))
+        h = t/n
+        y = [angle, rate]
+        do i = 1, n
+            k(:, 1) = slope(y)
+            k(:, 2) = slope(y + h/2*k(:, 1))
+            k(:, 3) = slope(y + h/2*k(:, 2))
+            k(:, 4) = slope(y + h*k(:, 3))
+            y = y + h/6*(k(:, 1) + 2*k(:, 2) + 2*k(:, 3) + k(:, 4))
+        end do
+        angle = y(1)
+        rate = y(2)
+
+    contains
+
+        pure function slope(y) result(yd)
+            real(wp), intent(in) :: y(2)
+            real(wp) :: yd(2), s, d, dd, psi
+            type(centric_slider_type) :: model
+
+            yd(1) = y(2)
+            select case (kind)
+            case (parallel)
+                yd(2) = -gravity*cos(y(1))
+            case (slider)
+                yd(2) = model%angular_acceleration(y(1), y(2))
+            case (row)
+                yd(2) = c*sin(y(1))
+            case default
+                ! (1 + psi'^2) a'' + psi' psi'' a'^2 = -g (cos a + psi' cos psi), primes of psi by a.
+                s = cos(y(1)/2)**2 + ratio**2*sin(y(1)/2)**2
+                d = ratio/s
+                dd = -ratio*(ratio**2 - 1)*sin(y(1)/2)*cos(y(1)/2)/s**2
+                psi = 2*atan2(ratio*sin(y(1)/2), cos(y(1)/2))
+                yd(2) = -(d*dd*y(2)**2 + gravity*(cos(y(1)) + d*cos(psi)))/(1 + d**2)
+            end select
+        end function slope
+    end subroutine turn
+
+    !> The state of antiparallel cranks.
+    subroutine place_antiparallel(angle, rate, q, qd)
+        real(wp), intent(in) :: angle, rate
+        real(wp), intent(out) :: q(4), qd(4)
+        real(wp) :: psi, d
+
+        psi = 2*atan2(ratio*sin(angle/2), cos(angle/2))
+        d = ratio/(cos(angle/2)**2 + ratio**2*sin(angle/2)**2)
+        q = [cos(angle), sin(angle), 2 + cos(psi), sin(psi)]
+        qd = rate*[-sin(angle), cos(angle), -d*sin(psi), d*cos(psi)]
+    end subroutine place_antiparallel
+
+    !> Every stepper, with controlled and with fixed steps, for three turns: seven crossings. Errors of steps of the second order
+    !> add up to more.
+    subroutine test_parallelogram(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: t_end = 3.0_wp
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4), angle, rate, bound
+        integer :: i, k
+
+        call model%define()
+        angle = 1.0_wp
+        rate = -6.0_wp
+        call turn(parallel, t_end, angle, rate)
+        do i = 1, size(stepper_names)
+            do k = 1, 2
+                options = choose(stepper=trim(stepper_names(i)), step=merge(5.0e-4_wp, 2.0e-3_wp, stepper_names(i) == 'trapezoid'))
+                bound = 1.0e-5_wp
+                if (stepper_names(i) == 'trapezoid') bound = 1.0e-3_wp
+                if (k == 2) then
+                    if (stepper_names(i) == 'rk4') cycle
+                    call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
+                    bound = 1.0e-6_wp
+                    if (stepper_names(i) == 'trapezoid') bound = 1.0e-3_wp
+                end if
+                call model%start(1.0_wp, -6.0_wp, q, qd)
+                call run(simulation, model, options, 0.0_wp, q, qd, t_end, failure)
+                call check_no_failure(error, failure)
+                call model%start(angle, rate, q, qd)
+                call check_close(error, simulation%state%q, q, bound, trim(stepper_names(i))//': q at the end')
+                call check_close(error, simulation%state%qd, qd, 10*bound, trim(stepper_names(i))//': qd at the end')
+                if (allocated(error)) return
+                call check_true(error, simulation%n_crossings >= 6, trim(stepper_names(i))//': crossings are recorded')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_parallelogram
+
+    !> The benchmark of the IFToMM over 10 s, with both charts: ten crossings, in which n ranks are lost at once.
+    subroutine test_row(error)
+        type(error_type), allocatable, intent(out) :: error
+        integer, parameter :: n(3) = [1, 2, 10]
+        character(len=6), parameter :: kinds(2) = ['dense ', 'sparse']
+        type(mechanism_type), target :: mechanism
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        real(wp) :: angle, rate
+        integer :: i, k
+
+        do i = 1, size(n)
+            angle = 0.0_wp
+            rate = 1.0_wp
+            call turn(row, 10.0_wp, angle, rate, gravity*((n(i) + 1)/2.0_wp + n(i))/((n(i) + 1)/3.0_wp + n(i)))
+            do k = 1, size(kinds)
+                call begin('four_bars', 2*n(i) + 1, controlled(1.0e-10_wp, trim(kinds(k))), mechanism, simulation, error)
+                if (allocated(error)) return
+                call simulation%integrate(10.0_wp, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                call check_close(error, simulation%state%q(1:2), 0.5_wp*[sin(angle), cos(angle)], 1.0e-7_wp, 'centre of a bar')
+                call check_close(error, simulation%state%qd(3:3), [-rate], 1.0e-7_wp, 'angular velocity')
+                call check_true(error, simulation%n_crossings >= 8, 'crossings are recorded')
+                if (allocated(error)) return
+            end do
+        end do
+    end subroutine test_row
+
+    !> Two turns through the position in which the slider is at the pivot.
+    subroutine test_slider(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=7), parameter :: steppers(3) = [character(len=7) :: 'dop853', 'radau5', 'sdirk54']
+        type(centric_slider_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(3), qd(3), angle, rate
+        integer :: i
+
+        call model%define()
+        angle = 0.3_wp
+        rate = 7.0_wp
+        call turn(slider, 3.0_wp, angle, rate)
+        do i = 1, size(steppers)
+            options = choose(stepper=trim(steppers(i)))
+            call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
+            call model%start(0.3_wp, 7.0_wp, q, qd)
+            call run(simulation, model, options, 0.0_wp, q, qd, 3.0_wp, failure)
+            call check_no_failure(error, failure)
+            call model%start(angle, rate, q, qd)
+            call check_close(error, simulation%state%q, q, 1.0e-7_wp, trim(steppers(i))//': q at the end')
+            if (allocated(error)) return
+            call check_true(error, simulation%n_crossings >= 2, 'crossings are recorded')
+            if (allocated(error)) return
+        end do
+    end subroutine test_slider
+
+    !> Antiparallel cranks pass the flat position and stay antiparallel.
+    subroutine test_antiparallelogram(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4), angle, rate
+        integer :: i
+
+        call model%define()
+        do i = 1, 2
+            angle = 1.0_wp
+            rate = -8.0_wp
+            call place_antiparallel(angle, rate, q, qd)
+            call turn(antiparallel, 3.0_wp, angle, rate)
+            options = choose(stepper=merge('dop853', 'radau5', i == 1))
+            call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
+            call run(simulation, model, options, 0.0_wp, q, qd, 3.0_wp, failure)
+            call check_no_failure(error, failure)
+            call place_antiparallel(angle, rate, q, qd)
+            call check_close(error, simulation%state%q, q, 1.0e-7_wp, 'q at the end')
+            if (allocated(error)) return
+            call check_true(error, simulation%n_crossings >= 3, 'crossings are recorded')
+            if (allocated(error)) return
+        end do
+    end subroutine test_antiparallelogram
+
+    !> The error of one crossing, from the state before it to the state behind it, at most the estimated one in 95 of 100 cases.
+    subroutine test_estimates(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4), angle, rate, before(2)
+        integer :: i, n_covered
+
+        call model%define()
+        n_covered = 0
+        do i = 1, 100
+            options = choose(stepper='dop853')
+            call change_stepper(options, options%stepper, rtol=10.0_wp**(-5 - mod(i, 7)))
+            call model%start(0.9_wp + 0.003_wp*i, -4.0_wp - 0.07_wp*i, q, qd)
+            call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            do while (simulation%n_crossings == 0)
+                before = [atan2(simulation%state%q(2), simulation%state%q(1)), norm2(simulation%state%qd(1:2))]
+                call simulation%step(2.0_wp, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+            end do
+            angle = before(1)
+            rate = -before(2)
+            call turn(parallel, simulation%last_step, angle, rate)
+            call model%start(angle, rate, q, qd)
+            if (max(maxval(abs(simulation%state%q - q)/(1 + abs(q))), maxval(abs(simulation%state%qd - qd)/(1 + abs(qd)))) <= &
+                simulation%crossings(1)%error) n_covered = n_covered + 1
+        end do
+        call check_true(error, n_covered >= 95, 'estimates cover the errors')
+    end subroutine test_estimates
+
+    !> Lengths that differ by 1e-4 to 1e-9 separate the branches: the linkage comes near the flat position and turns off. Whether
+    !> configurations are passed does not matter.
+    subroutine test_near(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(four_bar_type), target :: model
+        type(simulation_type) :: passing, stopping
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(9), qd(9)
+        integer :: i
+
+        do i = 4, 9
+            model%length = [1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp - 10.0_wp**(-i)]
+            model%g = 0.0_wp
+            call model%define()
+            options = choose(stepper='dop853')
+            call change_stepper(options, options%stepper, rtol=1.0e-9_wp)
+            call model%start(2.5_wp, 2.0_wp, q, qd)
+            options%singular = 'stop'
+            call run(stopping, model, options, 0.0_wp, q, qd, 0.6_wp, failure)
+            if (allocated(failure)) cycle
+            options%singular = 'pass'
+            call run(passing, model, options, 0.0_wp, q, qd, 0.6_wp, failure)
+            call check_no_failure(error, failure)
+            call check_close(error, passing%state%q, stopping%state%q, 1.0e-3_wp, 'q at the end')
+            call check_count(error, passing%n_crossings, 0, 'crossings')
+            if (allocated(error)) return
+        end do
+    end subroutine test_near
+
+    !> The option.
+    subroutine test_stop(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4)
+
+        call model%define()
+        call model%start(1.0_wp, -6.0_wp, q, qd)
+        options = choose(stepper='dop853')
+        call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
+        options%singular = 'stop'
+        call run(simulation, model, options, 0.0_wp, q, qd, 3.0_wp, failure)
+        call check_failure(error, failure, 'rank_deficient', 'depend')
+        call check_count(error, simulation%n_crossings, 0, 'crossings')
+    end subroutine test_stop
+
+    !> Cranks that come to rest in the flat position: the motion behind it is uncertain, and the run stops with the reason.
+    subroutine test_slow(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4)
+
+        ! From below, with the energy to reach the flat position up to 1e-8.
+        call model%define()
+        call model%start(-1.0_wp, sqrt(2*gravity*sin(1.0_wp)) + 1.0e-9_wp, q, qd)
+        options = choose(stepper='dop853')
+        call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
+        call run(simulation, model, options, 0.0_wp, q, qd, 3.0_wp, failure)
+        call check_failure(error, failure, 'rank_deficient', 'not passed')
+    end subroutine test_slow
+
+    !> States within crossings are as accurate as others, and satisfy the constraints.
+    subroutine test_within(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4), angle, rate, t
+        integer :: i, n_before
+
+        call model%define()
+        call model%start(1.0_wp, -6.0_wp, q, qd)
+        options = choose(stepper='dop853')
+        call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
+        call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        do while (simulation%n_crossings < 3)
+            n_before = simulation%n_crossings
+            call simulation%step(3.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            if (simulation%n_crossings == n_before) cycle
+            associate (record => simulation%crossings(simulation%n_crossings))
+                call check_true(error, record%t_from < record%t .and. record%t < record%t_to, 'the order of the times')
+                do i = 0, 20
+                    t = record%t_from + (record%t_to - record%t_from)*i/20
+                    if (i == 10) t = record%t
+                    call simulation%look_at(t, failure)
+                    call check_no_failure(error, failure)
+                    angle = 1.0_wp
+                    rate = -6.0_wp
+                    call turn(parallel, t, angle, rate)
+                    call model%start(angle, rate, q, qd)
+                    call check_close(error, simulation%state%q, q, 1.0e-7_wp, 'q within the crossing')
+                    call check_close(error, simulation%state%qd, qd, 1.0e-7_wp, 'qd within the crossing')
+                    call check_below(error, maxval(simulation%errors(1:2)), 1.0e-9_wp, 'constraint errors within the crossing')
+                    if (allocated(error)) return
+                end do
+                call simulation%look_back()
+            end associate
+        end do
+    end subroutine test_within
+
+    !> An event at 1e-4 rad from the flat position, on either side, is found.
+    subroutine test_event(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(threshold_event_type), target :: event
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4), angle, rate
+        integer :: i
+
+        call model%define()
+        do i = 1, 2
+            call model%start(1.0_wp, -6.0_wp, q, qd)
+            options = choose(stepper='dop853')
+            call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
+            call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            event%quantity = 'q'
+            event%index = 2
+            event%value = merge(1.0e-4_wp, -1.0e-4_wp, i == 1)
+            event%direction = -1
+            event%stops = .true.
+            call simulation%add_event(event)
+            call simulation%integrate(3.0_wp, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call check_true(error, simulation%is_stopped, 'the event stops the run')
+            angle = 1.0_wp
+            rate = -6.0_wp
+            call turn(parallel, simulation%state%t, angle, rate)
+            call check_close(error, [sin(angle)], [event%value], 1.0e-8_wp, 'the value at the event')
+        end do
+    end subroutine test_event
+
+    !> States saved after any step before, at and behind a crossing continue bitwise.
+    subroutine test_resumption(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(crank_pair_type), target :: model, other
+        type(simulation_type) :: simulation, again
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        integer(long), allocatable :: words(:), expected(:), found(:)
+        real(wp) :: q(4), qd(4)
+        integer :: i, k, n
+
+        call model%define()
+        call other%define()
+        do k = 1, 2
+            options = choose(stepper=merge('dop853', 'rk4   ', k == 1), step=2.0e-3_wp)
+            if (k == 1) call change_stepper(options, options%stepper, rtol=1.0e-9_wp)
+            n = merge(1, 100, k == 1)
+            call model%start(1.0_wp, -6.0_wp, q, qd)
+            call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            do while (simulation%n_crossings < 2 .and. .not. allocated(error))
+                call simulation%save_state(words, failure)
+                call check_no_failure(error, failure)
+                do i = 1, n
+                    call simulation%step(3.0_wp, failure)
+                    call check_no_failure(error, failure)
+                end do
+                call again%initialize(other, options, 0.0_wp, q, qd, failure)
+                call check_no_failure(error, failure)
+                call again%restore_state(words, failure)
+                call check_no_failure(error, failure)
+                do i = 1, n
+                    call again%step(3.0_wp, failure)
+                    call check_no_failure(error, failure)
+                end do
+                if (allocated(error)) return
+                call simulation%save_state(expected, failure)
+                call again%save_state(found, failure)
+                if (size(expected) /= size(found)) then
+                    call test_failed(error, 'the sizes differ')
+                else if (any(expected /= found)) then
+                    call test_failed(error, 'the states differ')
+                end if
+            end do
+        end do
+    end subroutine test_resumption
+end module test_crossing
