@@ -87,9 +87,8 @@ module tandem_linalg_elimination
         module subroutine solve(self, x, y)
             implicit none (type, external)
             class(elimination_type), intent(in) :: self
-            !> x (m), y (height).
-            real(wp), intent(in), contiguous :: x(:)
-            real(wp), intent(inout), contiguous :: y(:)
+            real(wp), intent(in) :: x(self%m)
+            real(wp), intent(inout) :: y(self%height)
         end subroutine solve
     end interface
 

@@ -3,11 +3,11 @@
 !> `width`.
 module tandem_linalg_gram
     use tandem_kinds, only: short, wp
+    use tandem_linalg_products, only: invert_definite, multiply_first
     implicit none (type, external)
     private
 
-    public :: find_rounding, invert_gram, multiply_columns, multiply_rows, refine_inverse, set_row_weight
-    public :: smallest_gram_pivot
+    public :: find_rounding, invert_gram, invert_large_gram, multiply_columns, multiply_rows, refine_inverse, set_row_weight
 
     !> Smallest pivot of a Gram matrix relative to its diagonal entry. The matrix squares the condition of Phi_q: beyond 1e5 U
     !> becomes an orthonormal basis.
@@ -427,4 +427,25 @@ contains
         end do
         weight = 1.0_wp/weight
     end subroutine set_row_weight
+
+    !> U = S Phi_q', S = diag(s)^2, (Phi_q U)^-1, and weights of the rows of Phi.
+    subroutine invert_large_gram(nh, c, q, scale, u, gram, weight, diagonal, can)
+        integer, intent(in) :: nh
+        !> C (height, n), q, coordinate scales (n).
+        real(wp), intent(in), contiguous :: c(:, :), q(:), scale(:)
+        !> U (n, width), inverse of Phi_q U (width, width), weights of the rows, work space (width).
+        real(wp), intent(inout), contiguous :: u(:, :), gram(:, :), weight(:), diagonal(:)
+        !> False if the rows of Phi_q are nearly dependent.
+        logical, intent(out) :: can
+        integer :: i, j
+
+        call set_row_weight(size(c, 1), size(c, 2), nh, c, q, scale, weight)
+        do i = 1, nh
+            do j = 1, size(c, 2)
+                u(j, i) = scale(j)**2*c(i, j)
+            end do
+        end do
+        call multiply_first(nh, c, u, gram)
+        call invert_definite(nh, smallest_gram_pivot, gram, diagonal, can)
+    end subroutine invert_large_gram
 end module tandem_linalg_gram

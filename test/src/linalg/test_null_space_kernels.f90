@@ -9,9 +9,8 @@ module test_null_space_kernels
     use tandem_kinds, only: lane, short
     use tandem_linalg_elimination, only: elimination_type
     use tandem_linalg_kernels, only: add, copy
-    use tandem_linalg_null_space_large, only: invert_large_gram
     use tandem_chart_dense_position, only: correct, place
-    use tandem_linalg_gram, only: find_rounding, invert_gram, multiply_columns, multiply_rows, &
+    use tandem_linalg_gram, only: find_rounding, invert_gram, invert_large_gram, multiply_columns, multiply_rows, &
         refine_inverse
     use tandem_chart_dense_free_motion, only: free_motion_type
     use testdrive, only: error_type, new_unittest, unittest_type

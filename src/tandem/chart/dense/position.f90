@@ -15,9 +15,8 @@ module tandem_chart_dense_position
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_model_counts, only: counts_type
-    use tandem_linalg_null_space_large, only: invert_large_gram
-    use tandem_linalg_gram, only: find_rounding, invert_gram, multiply_columns, multiply_rows, refine_inverse, &
-        set_row_weight
+    use tandem_linalg_gram, only: find_rounding, invert_gram, invert_large_gram, multiply_columns, multiply_rows, &
+        refine_inverse, set_row_weight
     use tandem_linalg_refinement, only: refinement_type
     implicit none (type, external)
     private
