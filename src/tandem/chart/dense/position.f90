@@ -10,13 +10,13 @@ module tandem_chart_dense_position
     use tandem_linalg_elimination, only: largest_small
     use tandem_linalg_kernels, only: add, add_product, copy
     use tandem_linalg_lu, only: lu_type
-    use tandem_linalg_products, only: multiply_first
+    use tandem_linalg_products, only: invert_definite, multiply_first
     use tandem_model_evaluator, only: evaluator_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_model_counts, only: counts_type
-    use tandem_linalg_gram, only: find_rounding, invert_gram, invert_large_gram, multiply_columns, multiply_rows, &
-        refine_inverse, set_row_weight
+    use tandem_linalg_gram, only: invert_gram, multiply_columns, multiply_rows, refine_inverse, set_directions, set_row_weight, &
+        smallest_gram_pivot, subtract_columns
     use tandem_linalg_refinement, only: refinement_type
     implicit none (type, external)
     private
@@ -216,11 +216,12 @@ contains
         can = .true.
         self%u = 0.0_wp
         if (self%nh == 0) return
+        call set_directions(self%nh, matrix, magnitude, scale, self%u_basis, self%weight)
         if (self%nh > largest_small) then
-            call invert_large_gram(self%nh, matrix, magnitude, scale, self%u_basis, self%gram, self%weight, self%z, can)
+            call multiply_first(self%nh, matrix, self%u_basis, self%gram)
+            call invert_definite(self%nh, smallest_gram_pivot, self%gram, self%z, can)
         else
-            call invert_gram(self%n, self%nh, height, self%width, matrix, magnitude, scale, self%u_basis, self%gram, self%weight, &
-                self%correction, self%z, can)
+            call invert_gram(self%nh, matrix, self%u_basis, self%gram, self%correction, self%z, can)
         end if
         self%has_gram = can
         self%b_time = t
@@ -274,8 +275,7 @@ contains
 
         if (self%n_taken < many .or. .not. (self%has_gram .and. self%predicts)) return
         counts%b_corrections = counts%b_corrections + 1
-        call refine_inverse(self%n, self%nh, height, self%width, matrix, self%u_basis, self%weight, self%gram, self%product, &
-            self%residual, rest, can)
+        call refine_inverse(self%nh, matrix, self%u_basis, self%weight, self%gram, self%product, self%residual, rest, can)
         if (.not. can) return
         self%has_learnt = .true.
         self%b_time = t
@@ -406,8 +406,17 @@ contains
         real(wp), intent(out), contiguous :: left(:)
         !> True if the remainder is no more than rounding.
         logical, intent(out) :: is_rounding
+        real(wp), parameter :: most = 8*epsilon(1.0_wp)
+        integer :: i
 
-        call find_rounding(self%n, self%width, self%u_basis, self%u, origin, increment, q, scale, left, is_rounding)
+        do i = 1, self%n
+            left(i) = increment(i) - (q(i) - origin(i))
+        end do
+        call subtract_columns(self%n, self%width, self%u_basis, self%u, left)
+        is_rounding = .true.
+        do i = 1, self%n
+            is_rounding = is_rounding .and. abs(left(i)) <= most*(abs(q(i)) + abs(increment(i)) + scale(i))
+        end do
     end subroutine find_remainder
 
     !> True if an error satisfies the tolerance of the iteration.
