@@ -16,7 +16,7 @@ module tandem_linalg_null_space_few
 
 contains
 
-    !> y = r + D z with A (y - r) = B x - A r and r = sign R g. Velocities: A = B = D0' M0, x the wanted velocity, g = nu.
+    !> y = r + D z with A D z = B x - A r and r = sign R g. Velocities: A = B = D0' M0, x the wanted velocity, g = nu.
     !> Accelerations: A = D' M, B = D', x = S + Q_A, g = gamma, and sign = -1.
     pure subroutine find_few(elimination, a, b, basis, sign, g, y, stat)
         !> Of C (m, n), 0 < m <= lane.
@@ -33,7 +33,11 @@ contains
         real(wp) :: matrix(short, most_few), odd(short), even(short), r(lane), z(most_few)
 
         associate (e => elimination)
-            call project(e%n, a, basis, b, y, matrix, odd, even)
+            if (e%n - e%m == 1) then
+                call project_single(e%n, a, basis, b, y, matrix, odd, even)
+            else
+                call project(e%n, a, basis, b, y, matrix, odd, even)
+            end if
             if (abs(sign) > 0.0_wp) then
                 call multiply(e%m, e%eliminated, sign, g, r)
                 call subtract_pivots(e%m, e%n, e%order, a, r, odd, even)
@@ -125,6 +129,24 @@ contains
             even(i) = t(i)
         end do
     end subroutine project
+
+    !> The same for one degree of freedom, for which other rows are zero.
+    pure subroutine project_single(n, a, b, c, x, y, odd, even)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: a(short, n), b(short, n), c(short, n), x(n)
+        real(wp), intent(out) :: y(short, most_few), odd(short), even(short)
+        integer :: j
+
+        y(:, 1) = 0.0_wp
+        odd(:) = 0.0_wp
+        even(:) = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 2
+        do j = 1, n
+            y(1, 1) = y(1, 1) + a(1, j)*b(1, j)
+            odd(1) = odd(1) + c(1, j)*x(j)
+        end do
+    end subroutine project_single
 
     !> Subtract A r, r given by its rows of pivots, in two parts.
     pure subroutine subtract_pivots(m, n, order, a, r, odd, even)

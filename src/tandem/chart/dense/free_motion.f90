@@ -165,7 +165,8 @@ contains
         is_near = self%choice == self%origin_choice
         stat = 1
         associate (m => self%m, n => self%n, k => self%k, e => elimination)
-            if (self%has_few .and. is_near) call find_few(e, self%origin, self%origin, self%basis, &
+            ! The general method has smaller rounding errors, for the ends of steps.
+            if (self%has_few .and. is_near .and. .not. polishes) call find_few(e, self%origin, self%origin, self%basis, &
                 merge(1.0_wp, 0.0_wp, has_nu), nu, qd, stat)
             if (stat /= 0) then
                 self%r(:) = 0.0_wp
@@ -177,7 +178,7 @@ contains
                     end do
                 end if
                 call self%project(self%origin, self%basis, self%origin, self%work)
-                if (is_near .and. .not. (self%has_few .or. self%is_large)) then
+                if (is_near .and. .not. self%is_large) then
                     call solve_near_diagonal(k, self%width, self%matrix, self%z, stat)
                     if (stat /= 0) call self%project(self%origin, self%basis, self%origin, self%work)
                 end if
