@@ -120,7 +120,7 @@ contains
         integer, parameter :: n = 9, nh = 3
         real(wp) :: u_basis(n, short), origin(n), increment(n), q(n)
         real(wp) :: b(short, short), before(short, short), u(short), old(short), gain(nh), y(nh), weight(short)
-        real(wp) :: first(nh), second(nh), last_phi(short), w(short), z(short), across(nh)
+        real(wp) :: first(nh), second(nh), last_phi(short, 2), w(short), across(nh)
         integer :: j, seed
 
         seed = 5
@@ -142,12 +142,12 @@ contains
         do j = 1, short
             call random_vector(seed, u_basis(:, j))
         end do
-        call correct(short, nh, first, weight, .false., last_phi, b, u, w, z)
+        call correct(short, nh, first, weight, .false., last_phi, b, u, w)
         call check_below(error, maxval(abs(b - before)), 0.0_wp, 'change of B by a correction that does not teach')
         call check_below(error, maxval(abs(u(:nh) - matmul(b(:nh, :nh), first))), 1.0e-15_wp, 'u - B Phi')
         gain = u(:nh)
         old = u
-        call correct(short, nh, second, weight, .true., last_phi, b, u, w, z)
+        call correct(short, nh, second, weight, .true., last_phi, b, u, w)
         call place(n, short, u_basis, u, origin, increment, q)
         call check_below(error, maxval(abs(q - (origin + increment - matmul(u_basis, u)))), 1.0e-14_wp, 'q of the corrected u')
         y = first - second
@@ -164,7 +164,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: nh = 4
         real(wp), parameter :: unit(nh) = [1.0_wp, 1.0e3_wp, 1.0e-6_wp, 50.0_wp]
-        real(wp) :: b(short, short, 2), u(short, 2), weight(short, 2), phi(nh, 3), last_phi(short), w(short), z(short)
+        real(wp) :: b(short, short, 2), u(short, 2), weight(short, 2), phi(nh, 3), last_phi(short, 2), w(short)
         integer :: i, j, k, seed
 
         seed = 6
@@ -185,8 +185,8 @@ contains
         do k = 1, 2
             last_phi = 0.0_wp
             do i = 1, 3
-                if (k == 1) call correct(short, nh, phi(:, i), weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w, z)
-                if (k == 2) call correct(short, nh, phi(:, i)*unit, weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w, z)
+                if (k == 1) call correct(short, nh, phi(:, i), weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w)
+                if (k == 2) call correct(short, nh, phi(:, i)*unit, weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w)
             end do
         end do
         call check_below(error, maxval(abs(u(:, 2)*unit - u(:, 1)))/maxval(abs(u(:, 1))), 1.0e-13_wp, 'relative difference of u')

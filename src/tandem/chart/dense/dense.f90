@@ -9,6 +9,7 @@
 !> Coordinate scales s: bases are those of C diag(s), so that diag(s) U, diag(s) X, diag(s) V, diag(s) W move q and qd, and
 !> diag(s)^-1 V and diag(s)^-1 W are the duals that give coordinates.
 module tandem_chart_dense
+    use tandem_chart_dense_bases, only: bases_type
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
@@ -66,11 +67,6 @@ module tandem_chart_dense
         !> True if a chart needs no orthonormal basis: for explicit steps without monitored quantities.
         logical :: skips_basis = .false.
     end type mode_type
-
-    !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only if bases are kept.
-    type :: bases_type
-        real(wp), allocatable :: x(:, :), v(:, :), w(:, :), v_dual(:, :), w_dual(:, :)
-    end type bases_type
 
     !> C at the start of a step (m, n), its orientation and independence, see `velocity_basis_type`.
     type :: start_type

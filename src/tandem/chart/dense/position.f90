@@ -72,9 +72,9 @@ module tandem_chart_dense_position
         !> Prediction of stages.
         type(prediction_type), private :: prediction
         !> B of a chart without basis (width, width), width is nh padded: the stored inverse of a Gram matrix at its origin, later
-        !> updated by other points and corrections if `has_learnt`; the last Phi and the first u of an iteration (width); true if B
-        !> is in use; work space.
-        real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), product(:, :), residual(:, :), last_phi(:), first_u(:)
+        !> updated by other points and corrections if `has_learnt`; the last Phi with its change (width, 2) and the first u of an
+        !> iteration (width); true if B is in use; work space.
+        real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), product(:, :), residual(:, :), last_phi(:, :), first_u(:)
         logical, private :: has_learnt = .false.
         integer, private :: width = 0
         logical, private :: has_gram = .false.
@@ -121,12 +121,12 @@ module tandem_chart_dense_position
         end subroutine place
 
         !> u := u + B Phi, see `correct_of`.
-        pure module subroutine correct(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+        pure module subroutine correct(width, nh, phi, weight, learns, last_phi, b, u, w)
             implicit none (type, external)
             integer, intent(in) :: width, nh
             real(wp), intent(in) :: phi(nh), weight(width)
             logical, intent(in) :: learns
-            real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
+            real(wp), intent(inout) :: last_phi(width, 2), b(width, width), u(width), w(width)
         end subroutine correct
 
         !> The error of a Phi (nh) on the natural scale of its rows, not finite if Phi is not; `failed_row` is the worst one.
@@ -160,7 +160,7 @@ contains
         call allocate_aligned(self%correction, self%width)
         call allocate_aligned(self%z, self%width)
         self%has_gram = .false.
-        self%last_phi = self%u
+        self%last_phi = spread(self%u, 2, 2)
         self%first_u = self%u
         self%prediction%u_start = self%u
         self%prediction%curvature = self%u
