@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> Velocities and accelerations at stages with one to three degrees of freedom, as of linkages, rolling bodies and vehicles. A column
-!> of D' is one register, and sums over columns stay in registers, in two chains, so that an addition need not wait for the previous
-!> one; systems of order three are solved in place. Missing degrees of freedom are at rest.
+!> Velocities and accelerations at stages with one to three degrees of freedom, as of linkages, rolling bodies and vehicles. A
+!> column of D' is one register, and sums over columns stay in registers, in two chains, so that an addition need not wait for the
+!> previous one; systems of order three are solved in place. Missing degrees of freedom are at rest.
 module tandem_linalg_null_space_few
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_elimination, only: elimination_type

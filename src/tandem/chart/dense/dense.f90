@@ -367,13 +367,13 @@ module tandem_chart_dense
         end subroutine do_reuse
 
         !> The point and the residual of an iterate of a stage.
-        module subroutine do_find_residual(self, goal, t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
+        module subroutine do_find_residual(self, goal, t, increment, q, qd, rate, residual, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             type(goal_type), intent(in) :: goal
             real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: dq(:), dqd(:)
-            real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:), residual(:)
+            real(wp), intent(in), contiguous :: increment(:, :)
+            real(wp), intent(inout), contiguous :: q(:), qd(:), rate(:, :), residual(:)
             integer, intent(out) :: stat
         end subroutine do_find_residual
 
@@ -393,14 +393,14 @@ module tandem_chart_dense
         end subroutine do_solve_pair
 
         !> Add a correction to a stage's rates.
-        module subroutine do_update(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        module subroutine do_update(self, stage, q, qd, ha, correction, rate, change, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             integer, intent(in) :: stage
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: ha
             real(wp), intent(in), contiguous :: correction(:)
-            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            real(wp), intent(inout), contiguous :: rate(:, :)
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
         end subroutine do_update

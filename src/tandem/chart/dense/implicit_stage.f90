@@ -15,7 +15,8 @@ contains
             call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%work%lambda)
             if (allocated(self%rows%dropped)) then
                 call self%rows%expand(self%work%lambda)
-                call self%differences%evaluate_derivatives(t, q, qd, qdd, self%rows%lambda, self%rows%derivatives, self%counts, stat)
+                call self%differences%evaluate_derivatives(t, q, qd, qdd, self%rows%lambda, self%rows%derivatives, self%counts, &
+                    stat)
                 call self%rows%take(self%derivatives)
             else
                 call self%differences%evaluate_derivatives(t, q, qd, qdd, self%work%lambda, self%derivatives, self%counts, stat)
@@ -87,24 +88,25 @@ contains
         self%failure%row = 0
         self%may_lean = .false.
         if (restores(self)) then
-            call self%restore_position(t, dq, step_end, q, stat)
-            if (stat == status_ok) call self%restore_velocity(t, q, dqd, step_end, qd, stat)
-            if (stat == status_ok) call residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
+            call self%restore_position(t, increment(:, 1), step_end, q, stat)
+            if (stat == status_ok) call self%restore_velocity(t, q, increment(:, 2), step_end, qd, stat)
+            if (stat == status_ok) call residual_at(self, t, q, qd, rate, residual, stat)
             return
         end if
         associate (iterate => self%iterates(goal%stage), terms => self%model%terms)
             ! Factors are made again after large changes, which the factors of the first iterate would follow too slowly.
             if (goal%is_first .or. iterate%drift > far) then
-                call begin_stage(self, iterate, t, dq, q, stat)
+                call begin_stage(self, iterate, t, increment(:, 1), q, stat)
             else
-                call continue_stage(self, iterate, t, dq, q, stat)
+                call continue_stage(self, iterate, t, increment(:, 1), q, stat)
             end if
             if (stat /= status_ok) return
-            qd = self%qd0 + dqd
+            qd = self%qd0 + increment(:, 2)
             if (self%m > 0) call iterate%correct_velocity(terms%jacobian, terms%nu, self%bases%x, qd)
             call self%move_with(t, q, qd, stat)
             if (stat /= status_ok) return
-            call self%stage%find_residual(terms, self%velocity_basis, self%bases, qd, rate_q, rate_qd, self%work%change_q, iterate)
+            call self%stage%find_residual(terms, self%velocity_basis, self%bases, qd, rate(:, 1), rate(:, 2), self%work%change_q, &
+                iterate)
             call self%stage%get_residual(residual)
         end associate
     end procedure do_find_residual
@@ -120,17 +122,18 @@ contains
     end function restores
 
     !> The residual of a stage at a restored point.
-    subroutine residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
+    subroutine residual_at(self, t, q, qd, rate, residual, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
+        real(wp), intent(inout), contiguous :: rate(:, :), residual(:)
         integer, intent(out) :: stat
 
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat /= status_ok) return
-        call self%stage%find_residual(self%model%terms, self%velocity_basis, self%bases, qd, rate_q, rate_qd, self%work%change_q)
+        call self%stage%find_residual(self%model%terms, self%velocity_basis, self%bases, qd, rate(:, 1), rate(:, 2), &
+            self%work%change_q)
         call self%stage%get_residual(residual)
     end subroutine residual_at
 
@@ -271,7 +274,7 @@ contains
         integer :: j
 
         stat = status_ok
-        call self%stage%move_rates(self%bases, correction, rate_q, rate_qd, self%work%change_q, &
+        call self%stage%move_rates(self%bases, correction, rate(:, 1), rate(:, 2), self%work%change_q, &
             self%work%change_qd)
         self%counts%newton_corrections = self%counts%newton_corrections + 1
         change = 0.0_wp
@@ -286,7 +289,7 @@ contains
                 change = max(change, abs(ha*self%work%change_qd(j))*unit_qd)
                 left = max(left, abs(iterate%moved_q(j))*unit_q, &
                     max(abs(iterate%moved_qd(j)), abs(ha*iterate%moved_qdd(j)))*unit_qd)
-                sum_of_rates = sum_of_rates + (abs(rate_q(j)) + abs(rate_qd(j)))
+                sum_of_rates = sum_of_rates + (abs(rate(j, 1)) + abs(rate(j, 2)))
             end do
             change = max(change, turned)
             if (.not. sum_of_rates <= huge(1.0_wp)) then

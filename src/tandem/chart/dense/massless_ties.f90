@@ -68,8 +68,8 @@ contains
     end subroutine weigh_rows
 
     !> True if the columns of C that belong to coordinates without mass have kept their orientation from one point to another:
-    !> det(A' W B) of these columns is positive, W the weights of rows. Also finds the smallest pivot of its elimination: if A is near
-    !> B, the pivots are near those of A' A, which needs no exchange of rows.
+    !> det(A' W B) of these columns is positive, W the weights of rows. Also finds the smallest pivot of its elimination: if A is
+    !> near B, the pivots are near those of A' A, which needs no exchange of rows.
     pure subroutine compare(self, from, to, scale, is_kept)
         class(massless_ties_type), intent(inout) :: self
         !> C at the two points (m, n), and the scales of the unknowns (n).

@@ -72,7 +72,8 @@ contains
             associate (row => a%own_row(b), from => a%first(b) + merge(3, 0, a%joints_of_body(b) == of_hinges), &
                 to => a%first(b + 1) - 1)
                 call start_sums(1, terms%nu(row:row), terms%gamma(row:row), sums)
-                call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), rate, sums)
+                call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), &
+                    rate, sums)
                 call take(row, 1)
             end associate
         end do
