@@ -65,26 +65,30 @@ contains
         real(wp), intent(in) :: a(height, n), z(n - m)
         !> On return the rows of pivots of y.
         real(wp), intent(inout) :: r(height), y(n)
-        real(wp) :: f
+        real(wp) :: x(lane), f
         integer :: b, i, j
 
-        do b = 0, height - short, short
+        do b = 0, height - lane, lane
             !GCC$ UNROLL 1
-            do i = 1, short
-                r(b + i) = sign*r(b + i)
+            do i = 1, lane
+                x(i) = sign*r(b + i)
             end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, n - m
-            f = z(j)
-            y(order(m + j)) = f
-            do b = 0, height - short, short
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, n - m
+                f = z(j)
                 !GCC$ UNROLL 1
-                do i = 1, short
-                    r(b + i) = r(b + i) - a(b + i, m + j)*f
+                do i = 1, lane
+                    x(i) = x(i) - a(b + i, m + j)*f
                 end do
             end do
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                r(b + i) = x(i)
+            end do
+        end do
+        do j = 1, n - m
+            y(order(m + j)) = z(j)
         end do
         !GCC$ NOVECTOR
         !GCC$ UNROLL 1
