@@ -67,20 +67,20 @@ module tandem_chart_implicit
         !> The point and the residual of an iterate of a stage, in coordinates of the chart. A point need only be so near the
         !> manifold that Newton's iteration contracts as on it. The parts of the stage's rates that the chart ignores are set to
         !> those of the point.
-        subroutine residual_interface(self, goal, t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
+        subroutine residual_interface(self, goal, t, increment, q, qd, rate, residual, stat)
             import :: implicit_chart_type, goal_type, wp
             implicit none (type, external)
             class(implicit_chart_type), intent(inout) :: self
             !> The stage and its iterate.
             type(goal_type), intent(in) :: goal
             real(wp), intent(in) :: t
-            !> Increments of position and velocity (n).
-            real(wp), intent(in), contiguous :: dq(:), dqd(:)
+            !> Increments of position and velocity (n, 2).
+            real(wp), intent(in), contiguous :: increment(:, :)
             !> Coordinates (n): predicted ones at the first iterate, later those of the iterate before; those of the iterate on
             !> return.
             real(wp), intent(inout), contiguous :: q(:)
-            !> Velocities of the iterate, and rates of the increments (n).
-            real(wp), intent(inout), contiguous :: qd(:), rate_q(:), rate_qd(:)
+            !> Velocities of the iterate (n), and rates of the increments (n, 2).
+            real(wp), intent(inout), contiguous :: qd(:), rate(:, :)
             !> (n_residual)
             real(wp), intent(inout), contiguous :: residual(:)
             integer, intent(out) :: stat
@@ -107,7 +107,7 @@ module tandem_chart_implicit
         end subroutine solve_pair_interface
 
         !> Add a correction to a stage's rates.
-        subroutine update_interface(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        subroutine update_interface(self, stage, q, qd, ha, correction, rate, change, stat)
             import :: implicit_chart_type, wp
             implicit none (type, external)
             class(implicit_chart_type), intent(inout) :: self
@@ -117,7 +117,7 @@ module tandem_chart_implicit
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: ha
             real(wp), intent(in), contiguous :: correction(:)
-            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            real(wp), intent(inout), contiguous :: rate(:, :)
             !> Changes of q and qd by the correction, and the errors that the iterate may have left, largest entry against |q| or
             !> |qd| and the coordinate scales.
             real(wp), intent(out) :: change
@@ -163,17 +163,17 @@ contains
     end subroutine reuse
 
     !> The residual of a stage.
-    subroutine find_residual(self, goal, t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
+    subroutine find_residual(self, goal, t, increment, q, qd, rate, residual, stat)
         class(implicit_chart_type), intent(inout) :: self
         type(goal_type), intent(in) :: goal
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: dq(:), dqd(:)
-        real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:), residual(:)
+        real(wp), intent(in), contiguous :: increment(:, :)
+        real(wp), intent(inout), contiguous :: q(:), qd(:), rate(:, :), residual(:)
         integer, intent(out) :: stat
 
         if (associated(self%timer)) call self%timer%begin_operation(of_stage)
         if (goal%is_first) self%counts%implicit_stages = self%counts%implicit_stages + 1
-        call self%do_find_residual(goal, t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
+        call self%do_find_residual(goal, t, increment, q, qd, rate, residual, stat)
         if (associated(self%timer)) call self%timer%end_operation()
     end subroutine find_residual
 
@@ -199,18 +199,18 @@ contains
     end subroutine solve_pair
 
     !> Correct a stage.
-    subroutine update(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+    subroutine update(self, stage, q, qd, ha, correction, rate, change, stat)
         class(implicit_chart_type), intent(inout) :: self
         integer, intent(in) :: stage
         real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(in) :: ha
         real(wp), intent(in), contiguous :: correction(:)
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(inout), contiguous :: rate(:, :)
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
 
         if (associated(self%timer)) call self%timer%begin_operation(of_correction)
-        call self%do_update(stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        call self%do_update(stage, q, qd, ha, correction, rate, change, stat)
         if (associated(self%timer)) call self%timer%end_operation()
     end subroutine update
 

@@ -13,7 +13,7 @@ module tandem_linalg_elimination
     use tandem_kinds, only: lane, short, wp
     use tandem_linalg_aligned, only: allocate_aligned
     use tandem_linalg_kernels, only: is_finite
-    use tandem_linalg_pivots, only: divide_rows, load, take_all, take_pivot
+    use tandem_linalg_pivots, only: check_growth, check_pivots, divide_rows, load, take_ahead, take_pivot, take_singly
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
@@ -46,9 +46,9 @@ module tandem_linalg_elimination
         integer :: choice = 0
         integer, private :: parity = 1, last_choice = 0
         logical, private :: has_pivots = .false.
-        !> Largest scaled entry of each row of C at the last measurement, pivots; two columns; 1 for rows and 0 for
+        !> Largest scaled entry of each row of C at the last measurement, pivots; a column; 1 for rows and 0 for
         !> padding (height); unit matrix (height, height).
-        real(wp), allocatable, private :: row_size(:), pivots(:), column(:), second(:), mask(:), unit(:, :)
+        real(wp), allocatable, private :: row_size(:), pivots(:), column(:), mask(:), unit(:, :)
         !> Scales of the unknowns (n), and of the pivot columns (height).
         real(wp), allocatable, private :: scale(:), pivot_scale(:)
         !> By LAPACK: row exchanges, and scale factors of the rows, powers of 2 (m).
@@ -87,9 +87,8 @@ module tandem_linalg_elimination
         module subroutine solve(self, x, y)
             implicit none (type, external)
             class(elimination_type), intent(in) :: self
-            !> x (m), y (height).
-            real(wp), intent(in), contiguous :: x(:)
-            real(wp), intent(inout), contiguous :: y(:)
+            real(wp), intent(in) :: x(self%m)
+            real(wp), intent(inout) :: y(self%height)
         end subroutine solve
     end interface
 
@@ -119,7 +118,6 @@ contains
             call allocate_aligned(self%row_size, height)
             call allocate_aligned(self%pivots, height)
             call allocate_aligned(self%column, height)
-            call allocate_aligned(self%second, height)
             call allocate_aligned(self%mask, height)
             call allocate_aligned(self%pivot_scale, height)
         end associate
@@ -182,8 +180,11 @@ contains
             end do
             call load(self%m, self%n, self%height, matrix, self%mask, self%order, self%matrix, self%eliminated)
         else if (self%m <= largest_small) then
-            call take_all(self%m, self%n, self%height, matrix, self%mask, self%order, self%scale, self%pivot_scale, self%row_size, &
-                self%unit, self%matrix, self%eliminated, self%column, self%second, self%pivots, stat)
+            if (self%height == lane) then
+                call take_stored(self, lane, matrix, stat)
+            else
+                call take_stored(self, self%height, matrix, stat)
+            end if
         else
             call self%factor(matrix, .true., stat)
         end if
@@ -199,6 +200,29 @@ contains
         self%has_pivots = stat == 0
         if (stat == 0) self%parity = self%parity*orientation*self%orientation()
     end subroutine eliminate
+
+    !> Eliminate with all stored pivots. stat > 0: they are not usable, because one of them is small in its row or an entry of Y is
+    !> large. An entry that is not finite makes a pivot or an entry of Y not finite, and fails too.
+    pure subroutine take_stored(self, height, matrix, stat)
+        class(elimination_type), intent(inout) :: self
+        !> `self%height`, as a constant for the most frequent length.
+        integer, intent(in), value :: height
+        real(wp), intent(in) :: matrix(self%m, self%n)
+        integer, intent(out) :: stat
+
+        associate (m => self%m, n => self%n)
+            if (height == lane .and. m > 1) then
+                call take_ahead(m, n, matrix, self%mask, self%order, self%matrix, self%eliminated, self%pivots, stat)
+            else
+                call load(m, n, height, matrix, self%mask, self%order, self%matrix, self%eliminated)
+                call take_singly(m, n, height, self%unit, self%eliminated, self%column, self%pivots, stat)
+                if (stat == 0) call divide_rows(n, height, self%pivots, self%eliminated, self%column)
+            end if
+            if (stat /= 0) return
+            call check_pivots(height, self%row_size, self%pivot_scale, self%pivots, self%column)
+            call check_growth(m, n, height, self%order, self%scale, self%pivot_scale, self%eliminated, self%column, stat)
+        end associate
+    end subroutine take_stored
 
     !> Eliminate with a search for pivots.
     subroutine choose_pivots(self, scale, stat)

@@ -1,8 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Elimination of a C with many rows by LAPACK: factors of Cd, computed with row pivoting, are stored in place of its inverse.
 submodule(tandem_linalg_elimination) tandem_linalg_elimination_lapack
-    use tandem_linalg_kernels, only: add_product
     use tandem_linalg_lapack, only: dgetrf, dgetrs
+    use tandem_linalg_null_space_kernels, only: multiply
     implicit none (type, external)
 
 contains
@@ -72,10 +72,7 @@ contains
             end do
             call dgetrs('N', self%m, 1, self%eliminated, self%height, self%exchanges, y, self%height, info)
         else
-            do i = 1, self%height
-                y(i) = 0.0_wp
-            end do
-            call add_product(self%eliminated(:, :self%m), x, 1.0_wp, y)
+            call multiply(self%height, self%m, self%eliminated, x, y)
         end if
     end procedure solve
 end submodule tandem_linalg_elimination_lapack

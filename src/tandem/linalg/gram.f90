@@ -6,7 +6,7 @@ module tandem_linalg_gram
     implicit none (type, external)
     private
 
-    public :: find_rounding, invert_gram, multiply_columns, multiply_rows, refine_inverse, set_row_weight
+    public :: invert_gram, multiply_columns, multiply_rows, refine_inverse, set_directions, set_row_weight, subtract_columns
     public :: smallest_gram_pivot
 
     !> Smallest pivot of a Gram matrix relative to its diagonal entry. The matrix squares the condition of Phi_q: beyond 1e5 U
@@ -15,62 +15,20 @@ module tandem_linalg_gram
 
 contains
 
-    !> increment - (q - origin) - U u; true if this is within rounding.
-    pure subroutine find_rounding(n, width, u_basis, u, origin, increment, q, scale, left, is_rounding)
+    !> y := y - U u.
+    pure subroutine subtract_columns(n, width, u_basis, u, y)
         integer, intent(in) :: n, width
-        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n), q(n), scale(n)
-        real(wp), intent(out) :: left(n)
-        logical, intent(out) :: is_rounding
+        real(wp), intent(in) :: u_basis(n, width), u(width)
+        real(wp), intent(inout) :: y(n)
+        integer :: i, l
 
-        if (width == short) then
-            call find_rounding_of(short, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
-        else
-            call find_rounding_of(width, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
-        end if
-    end subroutine find_rounding
-
-    !> The same for a given length; registers as in `place` of `tandem_chart_dense_position`.
-    pure subroutine find_rounding_of(width, n, u_basis, u, origin, increment, q, scale, left, is_rounding)
-        integer, intent(in), value :: width
-        integer, intent(in) :: n
-        real(wp), intent(in) :: u_basis(n, width), u(width), origin(n), increment(n), q(n), scale(n)
-        real(wp), intent(out) :: left(n)
-        logical, intent(out) :: is_rounding
-        real(wp), parameter :: most = 8*epsilon(1.0_wp)
-        real(wp) :: x(short), above(short)
-        integer :: first, i, l
-
-        if (n < short) then
-            left = increment - (q - origin) - matmul(u_basis, u)
-            is_rounding = all(abs(left) <= most*(abs(q) + abs(increment) + scale))
-            return
-        end if
-        do i = 1, short
-            above(i) = 0.0_wp
+        do l = 0, width - short, short
+            do i = 1, n
+                y(i) = y(i) - ((u_basis(i, l + 1)*u(l + 1) + u_basis(i, l + 2)*u(l + 2)) + &
+                    (u_basis(i, l + 3)*u(l + 3) + u_basis(i, l + 4)*u(l + 4)))
+            end do
         end do
-        first = 0
-        do
-            do i = 1, short
-                x(i) = increment(first + i) - (q(first + i) - origin(first + i))
-            end do
-            do l = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    x(i) = x(i) - ((u_basis(first + i, l + 1)*u(l + 1) + u_basis(first + i, l + 2)*u(l + 2)) + &
-                        (u_basis(first + i, l + 3)*u(l + 3) + u_basis(first + i, l + 4)*u(l + 4)))
-                end do
-            end do
-            !GCC$ UNROLL 1
-            do i = 1, short
-                left(first + i) = x(i)
-                above(i) = merge(above(i), 1.0_wp, &
-                    abs(x(i)) <= most*(abs(q(first + i)) + abs(increment(first + i)) + scale(first + i)))
-            end do
-            if (first + short == n) exit
-            first = min(first + short, n - short)
-        end do
-        is_rounding = (above(1) + above(2)) + (above(3) + above(4)) <= 0.0_wp
-    end subroutine find_rounding_of
+    end subroutine subtract_columns
 
     !> x := C y, the first nh rows; zeros after them, except that the last block may contain other rows of C.
     pure subroutine multiply_rows(m, n, nh, width, c, y, x)
@@ -135,79 +93,55 @@ contains
         end do
     end subroutine multiply_columns
 
-    !> U = S Phi_q', S = diag(s)^2, and (Phi_q U)^-1 by elimination without a search, because the matrix is positive definite. Also
-    !> computes the weights of the rows of Phi.
-    pure subroutine invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
-        integer, intent(in) :: n, nh, height, width
+    !> U = S Phi_q', S = diag(s)^2, and weights of the rows of Phi.
+    pure subroutine set_directions(nh, c, q, scale, u, weight)
+        integer, intent(in) :: nh
         !> C (height, n), q, coordinate scales.
-        real(wp), intent(in) :: c(height, n), q(n), scale(n)
-        !> U, inverse of Phi_q U, weights of the rows, work space.
-        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), column(width)
-        !> Pivots of the elimination.
-        real(wp), intent(inout) :: pivots(width)
+        real(wp), intent(in), contiguous :: c(:, :), q(:), scale(:)
+        !> U (n, width), weights of the rows (width).
+        real(wp), intent(inout), contiguous :: u(:, :), weight(:)
+
+        call set_blocks(size(c, 2), nh, size(c, 1), size(u, 2), c, q, scale, u, weight)
+    end subroutine set_directions
+
+    !> (Phi_q U)^-1 by elimination without a search, because the matrix is positive definite.
+    pure subroutine invert_gram(nh, c, u, gram, pivots, column, can)
+        integer, intent(in) :: nh
+        !> C (height, n), U (n, width).
+        real(wp), intent(in), contiguous :: c(:, :), u(:, :)
+        !> Inverse of Phi_q U, pivots of the elimination, work space.
+        real(wp), intent(inout), contiguous :: gram(:, :), pivots(:), column(:)
         !> False if the rows of Phi_q are nearly dependent.
         logical, intent(out) :: can
+        integer :: k, width
 
-        if (width == short) then
-            call invert_gram_of(n, nh, height, short, c, q, scale, u, gram, weight, pivots, column, can)
-        else
-            call invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
-        end if
-    end subroutine invert_gram
-
-    !> The same for a given length.
-    pure subroutine invert_gram_of(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
-        integer, intent(in) :: n, nh, height
-        integer, intent(in), value :: width
-        real(wp), intent(in) :: c(height, n), q(n), scale(n)
-        real(wp), intent(inout) :: u(n, width), gram(width, width), weight(width), pivots(width), column(width)
-        logical, intent(out) :: can
-        integer :: b, k
-
-        do b = 0, width - short, short
-            call set_block(n, nh, height, width, b, c, q, scale, u, weight)
-        end do
-        call multiply(n, nh, height, width, c, u, gram)
+        width = size(u, 2)
+        call multiply(size(c, 2), nh, size(c, 1), width, c, u, gram)
         if (nh < width) gram(nh + 1:, :) = 0.0_wp
         do k = 1, width
             pivots(k) = merge(smallest_gram_pivot*gram(k, k), 1.0_wp, k <= nh)
         end do
         call invert(nh, width, gram, pivots, column, can)
-    end subroutine invert_gram_of
+    end subroutine invert_gram
 
     !> B := B + B (I - Phi_q U B), one step of Newton's iteration (20) for the inverse. Entries of B beyond the nh rows and columns
     !> are zero and remain so.
-    pure subroutine refine_inverse(n, nh, height, width, c, u, weight, b, a, e, rest, can)
-        integer, intent(in) :: n, nh, height, width
-        !> C (height, n), U, weights of the rows.
-        real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
-        !> B, work space.
-        real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
+    pure subroutine refine_inverse(nh, c, u, weight, b, a, e, rest, can)
+        integer, intent(in) :: nh
+        !> C (height, n), U (n, width), weights of the rows (width).
+        real(wp), intent(in), contiguous :: c(:, :), u(:, :), weight(:)
+        !> B (width, width), work space.
+        real(wp), intent(inout), contiguous :: b(:, :), a(:, :), e(:, :)
         !> Approximate remainder of the entries of I - Phi_q U B, of weighted rows: the square of the previous largest one.
         real(wp), intent(out) :: rest
         !> False if B is too far from the inverse; it is then unchanged.
         logical, intent(out) :: can
-
-        if (width == short) then
-            call refine_inverse_of(n, nh, height, short, c, u, weight, b, a, e, rest, can)
-        else
-            call refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, rest, can)
-        end if
-    end subroutine refine_inverse
-
-    !> The same for a given length.
-    pure subroutine refine_inverse_of(n, nh, height, width, c, u, weight, b, a, e, rest, can)
-        integer, intent(in) :: n, nh, height
-        integer, intent(in), value :: width
-        real(wp), intent(in) :: c(height, n), u(n, width), weight(width)
-        real(wp), intent(inout) :: b(width, width), a(width, width), e(width, width)
-        real(wp), intent(out) :: rest
-        logical, intent(out) :: can
         !> Largest entry of I - Phi_q U B, of weighted rows, with a small remainder.
         real(wp), parameter :: too_far = 0.3_wp
-        integer :: i, j, s
+        integer :: i, j, width
 
-        call multiply(n, nh, height, width, c, u, a)
+        width = size(u, 2)
+        call multiply(size(c, 2), nh, size(c, 1), width, c, u, a)
         ! E = A B, then I - E.
         call set_product(nh, width, a, b, e)
         can = .true.
@@ -223,14 +157,11 @@ contains
         rest = rest**2
         call set_product(nh, width, b, e, a)
         do j = 1, nh
-            do s = 0, width - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    b(s + i, j) = b(s + i, j) - a(s + i, j)
-                end do
+            do i = 1, width
+                b(i, j) = b(i, j) - a(i, j)
             end do
         end do
-    end subroutine refine_inverse_of
+    end subroutine refine_inverse
 
     !> Y := A X, nh columns each.
     pure subroutine set_product(nh, width, a, x, y)
@@ -325,39 +256,40 @@ contains
         end do
     end subroutine invert
 
-    !> Rows b + 1 to b + short of Phi_q: their weights and their columns of U.
-    pure subroutine set_block(n, nh, height, width, b, c, q, scale, u, weight)
-        integer, intent(in) :: n, nh, height
-        integer, intent(in), value :: width, b
+    !> The same as `set_directions`, in blocks of rows.
+    pure subroutine set_blocks(n, nh, height, width, c, q, scale, u, weight)
+        integer, intent(in) :: n, nh, height, width
         real(wp), intent(in) :: c(height, n), q(n), scale(n)
         real(wp), intent(inout) :: u(n, width), weight(width)
         real(wp) :: row(short), mask(short), sums(short), magnitude, square
-        integer :: i, j
+        integer :: b, i, j
 
-        do i = 1, short
-            mask(i) = merge(1.0_wp, 0.0_wp, b + i <= nh)
-            sums(i) = tiny(1.0_wp)
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, n
-            magnitude = max(abs(q(j)), scale(j))
-            square = scale(j)**2
+        do b = 0, width - short, short
+            do i = 1, short
+                mask(i) = merge(1.0_wp, 0.0_wp, b + i <= nh)
+                sums(i) = tiny(1.0_wp)
+            end do
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, n
+                magnitude = max(abs(q(j)), scale(j))
+                square = scale(j)**2
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    sums(i) = sums(i) + abs(c(b + i, j))*magnitude
+                    row(i) = c(b + i, j)*mask(i)*square
+                end do
+                u(j, b + 1) = row(1)
+                u(j, b + 2) = row(2)
+                u(j, b + 3) = row(3)
+                u(j, b + 4) = row(4)
+            end do
             !GCC$ UNROLL 1
             do i = 1, short
-                sums(i) = sums(i) + abs(c(b + i, j))*magnitude
-                row(i) = c(b + i, j)*mask(i)*square
+                weight(b + i) = 1.0_wp/sums(i)
             end do
-            u(j, b + 1) = row(1)
-            u(j, b + 2) = row(2)
-            u(j, b + 3) = row(3)
-            u(j, b + 4) = row(4)
         end do
-        !GCC$ UNROLL 1
-        do i = 1, short
-            weight(b + i) = 1.0_wp/sums(i)
-        end do
-    end subroutine set_block
+    end subroutine set_blocks
 
     !> A = C U, the first `width` rows, nh columns, and zeros in the following ones. Four columns of C at a time, in one expression,
     !> as in `multiply_all` of `tandem_linalg_null_space_kernels`.

@@ -3,64 +3,106 @@
 !> copies of loops for given lengths; the padding is that of `tandem_linalg_null_space_kernels`.
 module tandem_linalg_independence
     use tandem_kinds, only: lane, short, wp
+    use tandem_linalg_elimination, only: elimination_type
     implicit none (type, external)
     private
 
-    public :: find_independence
+    public :: find_independence, independence_work_type
+
+    !> Work space: D'D (width, k), D' of the pivot columns (width, m), pivots (k), vectors (height) and (width).
+    type :: independence_work_type
+        real(wp), allocatable :: gram(:, :), part(:, :), inverse(:), r(:), column(:)
+    end type independence_work_type
 
 contains
 
     !> 1/|C+|, where C+ = R - D (D'D)^-1 D'R is the inverse of least norm: |C+|^2 = |R|^2 - |L^-1 D'R|^2 with D'D = L L'. Rows of
     !> unit length, scaled unknowns. 0 if D'D is singular.
-    pure subroutine find_independence(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, part, r, &
-        column, independence)
-        !> Constraints, coordinates, degrees of freedom, padded lengths; order of the columns.
-        integer, intent(in) :: m, n, k, height, width, order(n)
-        !> diag(s)^2 and its inverse, C, C eliminated, D'.
-        real(wp), intent(in) :: square(n), inverse_square(n), c(height, n), a(height, n), basis(width, n)
-        !> Work space.
-        real(wp), intent(inout) :: gram(width, k), inverse(k), part(width, n), r(height), column(width)
+    pure subroutine find_independence(elimination, k, width, square, basis, work, independence)
+        !> Of C (m, n).
+        type(elimination_type), intent(in) :: elimination
+        !> Degrees of freedom, and padded length.
+        integer, intent(in) :: k, width
+        !> diag(s)^2, D'.
+        real(wp), intent(in) :: square(elimination%n), basis(width, elimination%n)
+        type(independence_work_type), intent(inout) :: work
         real(wp), intent(out) :: independence
-
-        if (height == lane .and. width == short) then
-            call find_independence_of(m, n, k, lane, short, order, square, inverse_square, c, a, basis, gram, inverse, part, r, &
-                column, independence)
-        else
-            call find_independence_of(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, part, r, &
-                column, independence)
-        end if
-    end subroutine find_independence
-
-    !> The same for given lengths.
-    pure subroutine find_independence_of(m, n, k, height, width, order, square, inverse_square, c, a, basis, gram, inverse, part, &
-        r, column, independence)
-        integer, intent(in) :: m, n, k, order(n)
-        integer, intent(in), value :: height, width
-        real(wp), intent(in) :: square(n), inverse_square(n), c(height, n), a(height, n), basis(width, n)
-        real(wp), intent(inout) :: gram(width, k), inverse(k), part(width, n), r(height), column(width)
-        real(wp), intent(out) :: independence
-        real(wp) :: sums(lane), x(short), y(short), total
-        integer :: b, i, j, l, stat
+        real(wp) :: sums(lane), total
+        integer :: b, i, stat
 
         independence = 0.0_wp
-        ! Squared lengths of the rows, and |R|^2, summed over rows of R first.
-        total = 0.0_wp
-        do b = 0, height - lane, lane
-            call add_squares(height, n, b, c, square, sums)
-            r(b + 1:b + lane) = sums
-        end do
-        do b = 0, height - lane, lane
-            call add_squares(height, m, b, a, r, sums)
+        associate (e => elimination, m => elimination%m, n => elimination%n, height => elimination%height, r => work%r)
+            ! Squared lengths of the rows, and |R|^2, summed over rows of R first.
+            do b = 0, height - lane, lane
+                call add_squares(height, n, b, e%matrix, square, sums)
+                r(b + 1:b + lane) = sums
+            end do
+            total = 0.0_wp
+            do b = 0, height - lane, lane
+                call add_squares(height, m, b, e%eliminated, r, sums)
+                do i = 1, min(lane, m - b)
+                    total = total + sums(i)/square(e%order(b + i))
+                end do
+            end do
+            ! D'D over the free columns, where D' is the identity, and over the pivot columns, where it is -Y'.
+            do i = 1, m
+                work%part(:, i) = basis(:, e%order(i))/square(e%order(i))
+            end do
+            work%gram(:, :) = 0.0_wp
+            do i = 1, k
+                work%gram(i, i) = 1.0_wp/square(e%order(m + i))
+            end do
+            if (k > 0) call subtract_product(m, k, height, width, work%part, e%eliminated(1, m + 1), work%gram)
+            call factor(m, k, width, work%gram, work%part, work%inverse, work%column, stat)
+            if (stat /= 0) return
+            call subtract_squares(m, k, height, width, work%part, e%eliminated, r, work%inverse, total)
+        end associate
+        if (total > 0.0_wp .and. total <= huge(1.0_wp)) independence = 1.0_wp/sqrt(total)
+    end subroutine find_independence
+
+    !> C := C - A B', A (width, m), B' (m, k) padded, C (width, k).
+    pure subroutine subtract_product(m, k, height, width, a, b, c)
+        integer, intent(in) :: m, k, height
+        integer, intent(in), value :: width
+        real(wp), intent(in) :: a(width, m), b(height, k)
+        real(wp), intent(inout) :: c(width, k)
+        real(wp) :: x(short)
+        integer :: i, j, l, s
+
+        do s = 0, width - short, short
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
-            do i = 1, min(lane, m - b)
-                total = total + sums(i)*inverse_square(order(b + i))
+            do j = 1, k
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    x(i) = c(s + i, j)
+                end do
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 2
+                do l = 1, m
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        x(i) = x(i) - a(s + i, l)*b(l, j)
+                    end do
+                end do
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    c(s + i, j) = x(i)
+                end do
             end do
         end do
-        call set_gram(m, n, k, height, width, order, inverse_square, a, basis, part, gram)
-        call factor(m, k, width, gram, part, inverse, column, stat)
-        if (stat /= 0) return
-        ! L^-1 D'R without the roots of L's pivots.
+    end subroutine subtract_product
+
+    !> Subtract |L^-1 D'R|^2 from a total, without the roots of L's pivots.
+    pure subroutine subtract_squares(m, k, height, width, part, a, r, inverse, total)
+        integer, intent(in) :: m, k, height
+        integer, intent(in), value :: width
+        !> L^-1 D' of the pivot columns, C eliminated, weights of its rows, inverse pivots.
+        real(wp), intent(in) :: part(width, m), a(height, m), r(m), inverse(k)
+        real(wp), intent(inout) :: total
+        real(wp) :: x(short), y(short)
+        integer :: b, i, j, l
+
         do b = 0, width - short, short
             do i = 1, short
                 y(i) = 0.0_wp
@@ -84,14 +126,11 @@ contains
                     y(i) = y(i) + r(j)*x(i)**2
                 end do
             end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
             do i = 1, min(short, k - b)
                 total = total - y(i)*inverse(b + i)
             end do
         end do
-        if (total > 0.0_wp .and. total <= huge(1.0_wp)) independence = 1.0_wp/sqrt(total)
-    end subroutine find_independence_of
+    end subroutine subtract_squares
 
     !> Sums of w(j) a(i, j)^2 over n columns, rows b + 1 to b + lane.
     pure subroutine add_squares(height, n, b, a, w, sums)
@@ -114,49 +153,6 @@ contains
             end do
         end do
     end subroutine add_squares
-
-    !> D' diag(s)^-2 of the pivot columns, and D'D: over the free columns, and over the pivot columns, where D' is -Y'.
-    pure subroutine set_gram(m, n, k, height, width, order, inverse_square, a, basis, part, gram)
-        integer, intent(in) :: m, n, k, order(n)
-        integer, intent(in), value :: height, width
-        real(wp), intent(in) :: inverse_square(n), a(height, n), basis(width, n)
-        real(wp), intent(inout) :: part(width, n), gram(width, k)
-        real(wp) :: x(short)
-        integer :: b, i, j, l, p
-
-        do b = 0, width - short, short
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do l = 1, m
-                p = order(l)
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    part(b + i, l) = basis(b + i, p)*inverse_square(p)
-                end do
-            end do
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do j = 1, k
-                p = order(m + j)
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    x(i) = basis(b + i, p)*inverse_square(p)
-                end do
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 2
-                do l = 1, m
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        x(i) = x(i) - part(b + i, l)*a(l, m + j)
-                    end do
-                end do
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    gram(b + i, j) = x(i)
-                end do
-            end do
-        end do
-    end subroutine set_gram
 
     !> L diag(d) L' of D'D, 1/d, and L^-1 of the adjoining columns. stat > 0: the leading minor of this order is not positive, or so
     !> small relative to its diagonal entry that it is inaccurate.
@@ -196,13 +192,13 @@ contains
                     column(b + i) = merge(gram(b + i, j)*f, 0.0_wp, b + i > j)
                 end do
             end do
-            call subtract_product(k - j, width, j, column, gram(:, j + 1:))
-            if (j < k) call subtract_product(m, width, j, column, part)
+            call subtract_row(k - j, width, j, column, gram(:, j + 1:))
+            if (j < k) call subtract_row(m, width, j, column, part)
         end do
     end subroutine factor
 
     !> A := A - x (row p of A), A (width, n).
-    pure subroutine subtract_product(n, width, p, x, a)
+    pure subroutine subtract_row(n, width, p, x, a)
         integer, intent(in), value :: n, width, p
         real(wp), intent(in) :: x(width)
         real(wp), intent(inout) :: a(width, n)
@@ -220,5 +216,5 @@ contains
                 end do
             end do
         end do
-    end subroutine subtract_product
+    end subroutine subtract_row
 end module tandem_linalg_independence

@@ -1,219 +1,158 @@
 ! SPDX-License-Identifier: MIT
-!> Velocities and accelerations at stages with two or three degrees of freedom, as of rolling bodies and vehicles, and at most
-!> `lane` constraints: the results of `tandem_linalg_null_space_kernels` in less time. A column of D' is one register, and sums over
-!> columns stay in registers, in two chains, so that an addition need not wait for the previous one; systems of order three are
-!> solved in place. Two degrees of freedom are treated as three, the last of which is at rest.
+!> Velocities and accelerations at stages with one to three degrees of freedom, as of linkages, rolling bodies and vehicles. A
+!> column of D' is one register, and sums over columns stay in registers, in two chains, so that an addition need not wait for the
+!> previous one; systems of order three are solved in place. Missing degrees of freedom are at rest.
 module tandem_linalg_null_space_few
     use tandem_kinds, only: lane, short, wp
+    use tandem_linalg_elimination, only: elimination_type
     use tandem_linalg_small, only: smallest_definite_pivot
     implicit none (type, external)
     private
 
-    public :: can_be_few, find_few_velocity, find_few_acceleration
+    public :: find_few, most_few
+
+    !> Largest number of degrees of freedom.
+    integer, parameter :: most_few = 3
 
 contains
 
-    !> True if these procedures apply to m constraints and k degrees of freedom.
-    pure logical function can_be_few(m, k)
-        integer, intent(in) :: m, k
-
-        can_be_few = m >= 1 .and. m <= lane .and. (k == 2 .or. k == 3)
-    end function can_be_few
-
-    !> qd = R nu + D z with D0' M0 (qd - qd_wanted) = 0.
-    pure subroutine find_few_velocity(m, n, order, a, basis, origin, has_nu, nu, qd, stat)
-        !> Constraints, coordinates; order of the columns.
-        integer, intent(in) :: m, n, order(n)
-        !> True if nu is not zero.
-        logical, intent(in) :: has_nu
-        !> C eliminated, D' and D0' M0, nu.
-        real(wp), intent(in) :: a(lane, n), basis(short, n), origin(short, n), nu(m)
-        !> On entry the wanted velocity, on return the velocity.
-        real(wp), intent(inout) :: qd(n)
-        !> 1 if D0' M0 D requires a search for pivots: the velocity is then unchanged.
+    !> y = r + D z with A D z = B x - A r and r = sign R g. Velocities: A = B = D0' M0, x the wanted velocity, g = nu.
+    !> Accelerations: A = D' M, B = D', x = S + Q_A, g = gamma, and sign = -1.
+    pure subroutine find_few(elimination, a, b, basis, sign, g, y, stat)
+        !> Of C (m, n), 0 < m <= lane.
+        type(elimination_type), intent(in) :: elimination
+        !> A, B, D'.
+        real(wp), intent(in) :: a(short, elimination%n), b(short, elimination%n), basis(short, elimination%n)
+        !> 0 if g is zero. If it is negative A D is symmetric and positive definite.
+        real(wp), intent(in), value :: sign
+        real(wp), intent(in) :: g(elimination%m)
+        !> x on entry.
+        real(wp), intent(inout) :: y(elimination%n)
+        !> > 0: A D is not positive definite, or requires a search for pivots; y is then unchanged. -1: y is not finite.
         integer, intent(out) :: stat
-        real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), z(3), &
-            f, f1, f2, f3, g, g1, g2, g3
-        integer :: b, i, l, p
+        real(wp) :: matrix(short, most_few), odd(short), even(short), r(lane), z(most_few)
 
-        s1 = 0.0_wp
-        s2 = 0.0_wp
-        s3 = 0.0_wp
-        sums = 0.0_wp
-        t1 = 0.0_wp
-        t2 = 0.0_wp
-        t3 = 0.0_wp
-        more = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do p = 1, n/2
-            l = 2*p - 1
-            f1 = basis(1, l)
-            f2 = basis(2, l)
-            f3 = basis(3, l)
-            f = qd(l)
-            g1 = basis(1, l + 1)
-            g2 = basis(2, l + 1)
-            g3 = basis(3, l + 1)
-            g = qd(l + 1)
-            !GCC$ UNROLL 1
-            do i = 1, short
-                s1(i) = s1(i) + origin(i, l)*f1
-                s2(i) = s2(i) + origin(i, l)*f2
-                s3(i) = s3(i) + origin(i, l)*f3
-                sums(i) = sums(i) + origin(i, l)*f
-            end do
-            !GCC$ UNROLL 1
-            do i = 1, short
-                t1(i) = t1(i) + origin(i, l + 1)*g1
-                t2(i) = t2(i) + origin(i, l + 1)*g2
-                t3(i) = t3(i) + origin(i, l + 1)*g3
-                more(i) = more(i) + origin(i, l + 1)*g
-            end do
-        end do
-        if (iand(n, 1) == 1) then
-            f1 = basis(1, n)
-            f2 = basis(2, n)
-            f3 = basis(3, n)
-            f = qd(n)
-            !GCC$ UNROLL 1
-            do i = 1, short
-                s1(i) = s1(i) + origin(i, n)*f1
-                s2(i) = s2(i) + origin(i, n)*f2
-                s3(i) = s3(i) + origin(i, n)*f3
-                sums(i) = sums(i) + origin(i, n)*f
-            end do
-        end if
-        !GCC$ UNROLL 1
-        do i = 1, short
-            s1(i) = s1(i) + t1(i)
-            s2(i) = s2(i) + t2(i)
-            s3(i) = s3(i) + t3(i)
-            sums(i) = sums(i) + more(i)
-        end do
-        if (n - m == 2) s3(3) = 1.0_wp
-        if (has_nu) then
-            call multiply(m, a, nu, r)
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do l = 1, m
-                f = r(l)
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    sums(i) = sums(i) - origin(i, order(l))*f
-                end do
-            end do
-        end if
-        call solve_by_cofactors(s1, s2, s3, sums, z, stat)
-        if (stat /= 0) return
-        if (.not. has_nu) then
-            f = z(1)
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    r(b + i) = -a(b + i, m + 1)*f
-                end do
-            end do
-            call finish(2, m, n, order, a, z, r, qd)
-        else
-            call finish(1, m, n, order, a, z, r, qd)
-        end if
-    end subroutine find_few_velocity
-
-    !> qdd = D z - R gamma with D' (M qdd - S - Q_A) = 0.
-    pure subroutine find_few_acceleration(m, n, order, a, basis, n_blocks, blocks, mass, gamma, force, basis_mass, qdd, stat)
-        !> Constraints, coordinates; order of the columns.
-        integer, intent(in) :: m, n, order(n)
-        !> The diagonal blocks of M with more than one entry, see `tandem_model_evaluator`.
-        integer, intent(in) :: n_blocks, blocks(2, n_blocks)
-        !> C eliminated, D', M, gamma, S + Q_A.
-        real(wp), intent(in) :: a(lane, n), basis(short, n), mass(n*n), gamma(m), force(n)
-        !> Work space, and the acceleration.
-        real(wp), intent(inout) :: basis_mass(short, n), qdd(n)
-        !> > 0 if D' M D is not positive definite; -1 if the acceleration is not finite.
-        integer, intent(out) :: stat
-        real(wp) :: s1(short), s2(short), s3(short), sums(short), t1(short), t2(short), t3(short), more(short), r(lane), &
-            z(3), f, f1, f2, f3, g, g1, g2, g3
-        integer :: b, i, l, p
-
-        call multiply_mass(n, n_blocks, blocks, basis, mass, basis_mass)
-        s1 = 0.0_wp
-        s2 = 0.0_wp
-        s3 = 0.0_wp
-        sums = 0.0_wp
-        t1 = 0.0_wp
-        t2 = 0.0_wp
-        t3 = 0.0_wp
-        more = 0.0_wp
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do p = 1, n/2
-            l = 2*p - 1
-            f1 = basis(1, l)
-            f2 = basis(2, l)
-            f3 = basis(3, l)
-            f = force(l)
-            g1 = basis(1, l + 1)
-            g2 = basis(2, l + 1)
-            g3 = basis(3, l + 1)
-            g = force(l + 1)
-            !GCC$ UNROLL 1
-            do i = 1, short
-                s1(i) = s1(i) + basis_mass(i, l)*f1
-                s2(i) = s2(i) + basis_mass(i, l)*f2
-                s3(i) = s3(i) + basis_mass(i, l)*f3
-                sums(i) = sums(i) + basis(i, l)*f
-            end do
-            !GCC$ UNROLL 1
-            do i = 1, short
-                t1(i) = t1(i) + basis_mass(i, l + 1)*g1
-                t2(i) = t2(i) + basis_mass(i, l + 1)*g2
-                t3(i) = t3(i) + basis_mass(i, l + 1)*g3
-                more(i) = more(i) + basis(i, l + 1)*g
-            end do
-        end do
-        if (iand(n, 1) == 1) then
-            f1 = basis(1, n)
-            f2 = basis(2, n)
-            f3 = basis(3, n)
-            f = force(n)
-            !GCC$ UNROLL 1
-            do i = 1, short
-                s1(i) = s1(i) + basis_mass(i, n)*f1
-                s2(i) = s2(i) + basis_mass(i, n)*f2
-                s3(i) = s3(i) + basis_mass(i, n)*f3
-                sums(i) = sums(i) + basis(i, n)*f
-            end do
-        end if
-        call multiply_from_first(m, a, gamma, r)
-        call add_pivots(m, n, order, basis_mass, r, sums, more)
-        !GCC$ UNROLL 1
-        do i = 1, short
-            s1(i) = s1(i) + t1(i)
-            s2(i) = s2(i) + t2(i)
-            s3(i) = s3(i) + t3(i)
-            sums(i) = sums(i) + more(i)
-        end do
-        if (n - m == 2) s3(3) = 1.0_wp
-        call solve_definite(s1, s2, s3, sums, z, stat)
-        if (stat /= 0) return
-        f = z(1)
-        do b = 0, lane - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                r(b + i) = -r(b + i) - a(b + i, m + 1)*f
-            end do
-        end do
-        call finish(2, m, n, order, a, z, r, qdd)
-        ! Values of gamma or the forces that are not finite enter each sum.
+        associate (e => elimination)
+            if (e%n - e%m == 1) then
+                call project_single(e%n, a, basis, b, y, matrix, odd, even)
+            else
+                call project(e%n, a, basis, b, y, matrix, odd, even)
+            end if
+            if (abs(sign) > 0.0_wp) then
+                call multiply(e%m, e%eliminated, sign, g, r)
+                call subtract_pivots(e%m, e%n, e%order, a, r, odd, even)
+            else
+                r(:) = 0.0_wp
+            end if
+            odd(:) = odd + even
+            if (e%n - e%m == 2) matrix(3, 3) = 1.0_wp
+            if (e%n - e%m == 1) then
+                z(1) = odd(1)/matrix(1, 1)
+                z(2:) = 0.0_wp
+                stat = merge(0, 1, abs(matrix(1, 1)) <= huge(1.0_wp) .and. merge(matrix(1, 1), abs(matrix(1, 1)), sign < 0.0_wp) &
+                    > 0.0_wp)
+            else if (sign < 0.0_wp) then
+                call solve_definite(matrix(:, 1), matrix(:, 2), matrix(:, 3), odd, z, stat)
+            else
+                call solve_by_cofactors(matrix(:, 1), matrix(:, 2), matrix(:, 3), odd, z, stat)
+            end if
+            if (stat /= 0) return
+            call finish(e%m, e%n, e%order, e%eliminated, z, r, y)
+        end associate
+        ! Values of g or x that are not finite enter each sum.
         if (.not. abs(z(1)) + abs(z(2)) + abs(z(3)) <= huge(1.0_wp)) stat = -1
-    end subroutine find_few_acceleration
+    end subroutine find_few
 
-    !> Add D' M R gamma to D' (S + Q_A + M R gamma), where R has nonzero rows for pivots only, in two chains.
-    pure subroutine add_pivots(m, n, order, basis_mass, r, sums, more)
+    !> The first columns of A B', and C x in two parts: the sums over odd and over even columns.
+    pure subroutine project(n, a, b, c, x, y, odd, even)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: a(short, n), b(short, n), c(short, n), x(n)
+        real(wp), intent(out) :: y(short, most_few), odd(short), even(short)
+        real(wp) :: s1(short), s2(short), s3(short), t1(short), t2(short), t3(short), s(short), t(short), f, f1, f2, f3, g, &
+            g1, g2, g3
+        integer :: i, l, p
+
+        s1 = 0.0_wp
+        s2 = 0.0_wp
+        s3 = 0.0_wp
+        s = 0.0_wp
+        t1 = 0.0_wp
+        t2 = 0.0_wp
+        t3 = 0.0_wp
+        t = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, n/2
+            l = 2*p - 1
+            f1 = b(1, l)
+            f2 = b(2, l)
+            f3 = b(3, l)
+            f = x(l)
+            g1 = b(1, l + 1)
+            g2 = b(2, l + 1)
+            g3 = b(3, l + 1)
+            g = x(l + 1)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + a(i, l)*f1
+                s2(i) = s2(i) + a(i, l)*f2
+                s3(i) = s3(i) + a(i, l)*f3
+                s(i) = s(i) + c(i, l)*f
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, short
+                t1(i) = t1(i) + a(i, l + 1)*g1
+                t2(i) = t2(i) + a(i, l + 1)*g2
+                t3(i) = t3(i) + a(i, l + 1)*g3
+                t(i) = t(i) + c(i, l + 1)*g
+            end do
+        end do
+        if (iand(n, 1) == 1) then
+            f1 = b(1, n)
+            f2 = b(2, n)
+            f3 = b(3, n)
+            f = x(n)
+            !GCC$ UNROLL 1
+            do i = 1, short
+                s1(i) = s1(i) + a(i, n)*f1
+                s2(i) = s2(i) + a(i, n)*f2
+                s3(i) = s3(i) + a(i, n)*f3
+                s(i) = s(i) + c(i, n)*f
+            end do
+        end if
+        !GCC$ UNROLL 1
+        do i = 1, short
+            y(i, 1) = s1(i) + t1(i)
+            y(i, 2) = s2(i) + t2(i)
+            y(i, 3) = s3(i) + t3(i)
+            odd(i) = s(i)
+            even(i) = t(i)
+        end do
+    end subroutine project
+
+    !> The same for one degree of freedom, for which other rows are zero.
+    pure subroutine project_single(n, a, b, c, x, y, odd, even)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: a(short, n), b(short, n), c(short, n), x(n)
+        real(wp), intent(out) :: y(short, most_few), odd(short), even(short)
+        integer :: j
+
+        y(:, 1) = 0.0_wp
+        odd(:) = 0.0_wp
+        even(:) = 0.0_wp
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 2
+        do j = 1, n
+            y(1, 1) = y(1, 1) + a(1, j)*b(1, j)
+            odd(1) = odd(1) + c(1, j)*x(j)
+        end do
+    end subroutine project_single
+
+    !> Subtract A r, r given by its rows of pivots, in two parts.
+    pure subroutine subtract_pivots(m, n, order, a, r, odd, even)
         integer, intent(in) :: m, n, order(n)
-        real(wp), intent(in) :: basis_mass(short, n), r(lane)
-        real(wp), intent(inout) :: sums(short), more(short)
+        real(wp), intent(in) :: a(short, n), r(m)
+        real(wp), intent(inout) :: odd(short), even(short)
         real(wp) :: f, g
         integer :: i, l, p
 
@@ -225,21 +164,94 @@ contains
             g = r(l + 1)
             !GCC$ UNROLL 1
             do i = 1, short
-                sums(i) = sums(i) + basis_mass(i, order(l))*f
+                odd(i) = odd(i) - a(i, order(l))*f
             end do
             !GCC$ UNROLL 1
             do i = 1, short
-                more(i) = more(i) + basis_mass(i, order(l + 1))*g
+                even(i) = even(i) - a(i, order(l + 1))*g
             end do
         end do
         if (iand(m, 1) == 1) then
             f = r(m)
             !GCC$ UNROLL 1
             do i = 1, short
-                sums(i) = sums(i) + basis_mass(i, order(m))*f
+                odd(i) = odd(i) - a(i, order(m))*f
             end do
         end if
-    end subroutine add_pivots
+    end subroutine subtract_pivots
+
+    !> y := r + D z, r given by its rows of pivots.
+    pure subroutine finish(m, n, order, a, z, r, y)
+        integer, intent(in) :: m, n, order(n)
+        !> C eliminated.
+        real(wp), intent(in) :: a(lane, n), z(n - m)
+        !> On return the rows of pivots of y.
+        real(wp), intent(inout) :: r(lane), y(n)
+        real(wp) :: f
+        integer :: b, i, j
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do j = 1, n - m
+            f = z(j)
+            y(order(m + j)) = f
+            do b = 0, lane - short, short
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    r(b + i) = r(b + i) - a(b + i, m + j)*f
+                end do
+            end do
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do i = 1, m
+            y(order(i)) = r(i)
+        end do
+    end subroutine finish
+
+    !> y := sign A x, A (lane, l), x (l).
+    pure subroutine multiply(l, a, sign, x, y)
+        integer, intent(in) :: l
+        real(wp), intent(in) :: a(lane, l), x(l)
+        real(wp), intent(in), value :: sign
+        real(wp), intent(inout) :: y(lane)
+
+        real(wp) :: even(lane), odd(lane), f, g
+        integer :: i, j, p
+
+        f = x(1)
+        !GCC$ UNROLL 1
+        do i = 1, lane
+            odd(i) = a(i, 1)*f
+            even(i) = 0.0_wp
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do p = 1, (l - 1)/2
+            j = 2*p
+            f = x(j)
+            g = x(j + 1)
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                even(i) = even(i) + a(i, j)*f
+            end do
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                odd(i) = odd(i) + a(i, j + 1)*g
+            end do
+        end do
+        if (iand(l, 1) == 0) then
+            f = x(l)
+            !GCC$ UNROLL 1
+            do i = 1, lane
+                even(i) = even(i) + a(i, l)*f
+            end do
+        end if
+        !GCC$ UNROLL 1
+        do i = 1, lane
+            y(i) = sign*(odd(i) + even(i))
+        end do
+    end subroutine multiply
 
     !> Solve a system of order 3 by cofactors, with one division: close to the chart's origin the matrix is close to a definite one.
     pure subroutine solve_by_cofactors(s1, s2, s3, b, z, stat)
@@ -298,187 +310,4 @@ contains
         if (.not. d2 > smallest_definite_pivot*s2(2)) stat = 2
         if (.not. d1 > 0.0_wp) stat = 1
     end subroutine solve_definite
-
-    !> y := r + D z, r given by its rows of pivots; the first terms are already in r.
-    pure subroutine finish(first, m, n, order, a, z, r, y)
-        integer, intent(in), value :: first
-        integer, intent(in) :: m, n, order(n)
-        real(wp), intent(in) :: a(lane, n), z(3)
-        real(wp), intent(inout) :: r(lane), y(n)
-        real(wp) :: f
-        integer :: b, i, j
-
-        y(order(m + 1)) = z(1)
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = first, n - m
-            f = z(j)
-            y(order(m + j)) = f
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    r(b + i) = r(b + i) - a(b + i, m + j)*f
-                end do
-            end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do i = 1, m
-            y(order(i)) = r(i)
-        end do
-    end subroutine finish
-
-    !> y := A x, m columns.
-    pure subroutine multiply(m, a, x, y)
-        integer, intent(in) :: m
-        real(wp), intent(in) :: a(lane, m), x(m)
-        real(wp), intent(out) :: y(lane)
-        real(wp) :: more(lane), f, g
-        integer :: b, i, j, p
-
-        f = x(1)
-        if (iand(m, 1) == 0) f = 0.0_wp
-        do b = 0, lane - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                y(b + i) = a(b + i, 1)*f
-                more(b + i) = 0.0_wp
-            end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do p = 1, m/2
-            j = 2*p - 1 + iand(m, 1)
-            f = x(j)
-            g = x(j + 1)
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    y(b + i) = y(b + i) + a(b + i, j)*f
-                end do
-            end do
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    more(b + i) = more(b + i) + a(b + i, j + 1)*g
-                end do
-            end do
-        end do
-        do b = 0, lane - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                y(b + i) = y(b + i) + more(b + i)
-            end do
-        end do
-    end subroutine multiply
-
-    !> y := A x, m columns in two chains, the first of which starts with column 1.
-    pure subroutine multiply_from_first(m, a, x, y)
-        integer, intent(in) :: m
-        real(wp), intent(in) :: a(lane, m), x(m)
-        real(wp), intent(out) :: y(lane)
-        real(wp) :: rest(lane), f, g
-        integer :: b, i, l, p
-
-        f = x(1)
-        do b = 0, lane - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                y(b + i) = a(b + i, 1)*f
-                rest(b + i) = 0.0_wp
-            end do
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do p = 1, (m - 1)/2
-            l = 2*p
-            f = x(l)
-            g = x(l + 1)
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    y(b + i) = y(b + i) + a(b + i, l)*f
-                end do
-            end do
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    rest(b + i) = rest(b + i) + a(b + i, l + 1)*g
-                end do
-            end do
-        end do
-        if (iand(m, 1) == 0) then
-            f = x(m)
-            do b = 0, lane - short, short
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    rest(b + i) = rest(b + i) + a(b + i, m)*f
-                end do
-            end do
-        end if
-        do b = 0, lane - short, short
-            !GCC$ UNROLL 1
-            do i = 1, short
-                y(b + i) = y(b + i) + rest(b + i)
-            end do
-        end do
-    end subroutine multiply_from_first
-
-    !> D' M, block by block, two columns at a time.
-    pure subroutine multiply_mass(n, n_blocks, blocks, basis, mass, basis_mass)
-        integer, intent(in) :: n, n_blocks, blocks(2, n_blocks)
-        real(wp), intent(in) :: basis(short, n), mass(n, n)
-        real(wp), intent(inout) :: basis_mass(short, n)
-        real(wp) :: y1(short), y2(short), f, g
-        integer :: b, first, i, j, l, last
-
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do j = 1, n
-            f = mass(j, j)
-            !GCC$ UNROLL 1
-            do i = 1, short
-                basis_mass(i, j) = basis(i, j)*f
-            end do
-        end do
-        do b = 1, n_blocks
-            first = blocks(1, b)
-            last = blocks(2, b)
-            j = first
-            do
-                f = mass(first, j)
-                g = mass(first, j + 1)
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    y1(i) = basis(i, first)*f
-                    y2(i) = basis(i, first)*g
-                end do
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do l = first + 1, last
-                    f = mass(l, j)
-                    g = mass(l, j + 1)
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        y1(i) = y1(i) + basis(i, l)*f
-                    end do
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        y2(i) = y2(i) + basis(i, l)*g
-                    end do
-                end do
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    basis_mass(i, j) = y1(i)
-                end do
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    basis_mass(i, j + 1) = y2(i)
-                end do
-                if (j + 1 == last) exit
-                ! The last column of an odd number is computed with the previous one again.
-                j = min(j + 2, last - 1)
-            end do
-        end do
-    end subroutine multiply_mass
 end module tandem_linalg_null_space_few

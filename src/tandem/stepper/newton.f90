@@ -21,10 +21,10 @@ module tandem_stepper_newton
     public :: newton_type
 
     type :: newton_type
-        !> Rates of the stage (n): start value on entry, solution on return.
-        real(wp), allocatable :: rate_q(:), rate_qd(:)
-        !> Increments without the contribution of the stage's own rates (n).
-        real(wp), allocatable :: base_dq(:), base_dqd(:)
+        !> Rates of position and velocity of the stage (n, 2): start value on entry, solution on return.
+        real(wp), allocatable :: rate(:, :)
+        !> Increments without the contribution of the stage's own rates (n, 2).
+        real(wp), allocatable :: base(:, :)
         !> Relative error, with respect to scale + |y|, of recent steps of equal size; 0 if unknown.
         real(wp) :: error_of_steps = 0.0_wp
         !> For stages that are solved together: ratio of the ha of each complex system to the real ha; otherwise empty.
@@ -53,7 +53,7 @@ module tandem_stepper_newton
         type(prediction_type), private :: prediction
         !> Coordinates and velocities of the stage (n): predicted coordinates on entry, last iterate on return.
         real(wp), allocatable :: q(:), qd(:)
-        real(wp), allocatable, private :: dq(:), dqd(:), residual(:)
+        real(wp), allocatable, private :: increment(:, :), residual(:)
     contains
         procedure :: allocate => allocate_newton, prepare, solve, renew, renew_in_step
         procedure :: correct, restore, goal
@@ -91,14 +91,11 @@ contains
         self%observed_age = self%age
         self%is_outdated = .true.
         call self%prediction%allocate(scale, time_scale, size(amplification))
-        self%rate_q = 0.0_wp*scale
-        self%rate_qd = self%rate_q
-        self%base_dq = self%rate_q
-        self%base_dqd = self%rate_q
-        self%dq = self%rate_q
-        self%dqd = self%rate_q
-        self%q = self%rate_q
-        self%qd = self%rate_q
+        self%q = 0.0_wp*scale
+        self%qd = self%q
+        self%rate = spread(self%q, 2, 2)
+        self%base = self%rate
+        self%increment = self%rate
         allocate (self%residual(0))
     end subroutine allocate_newton
 
@@ -180,11 +177,11 @@ contains
         integer :: stat
 
         t = state%t + matrix_position*h
-        call history%extrapolate(t, self%rate_q, self%rate_qd)
-        self%dq = state%dq + (0.5_wp*matrix_position*h)*(state%qd + self%rate_q)
-        self%dqd = state%dqd + (0.5_wp*matrix_position*h)*(state%qdd + self%rate_qd)
-        call chart%restore(t, self%dq, self%dqd, step_end, self%q, self%qd, stat)
-        if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
+        call history%extrapolate(t, self%rate(:, 1), self%rate(:, 2))
+        self%increment(:, 1) = state%dq + (0.5_wp*matrix_position*h)*(state%qd + self%rate(:, 1))
+        self%increment(:, 2) = state%dqd + (0.5_wp*matrix_position*h)*(state%qdd + self%rate(:, 2))
+        call chart%restore(t, self%increment(:, 1), self%increment(:, 2), step_end, self%q, self%qd, stat)
+        if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate(:, 2), ha, stat)
         self%is_ahead = stat == status_ok
     end subroutine renew_ahead
 
@@ -225,30 +222,30 @@ contains
         logical :: is_new
         integer :: failure, k
 
-        call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd, self%q)
+        call self%prediction%predict(history, stage, t, ha, self%rate(:, 1), self%rate(:, 2), self%q)
         call self%iterate(chart, stage, t, ha, stat)
         do while (stat /= status_ok)
             call self%renew_in_step(chart, history, state, h, ha, is_new, failure)
             if (.not. is_new) exit
             stat = failure
             if (stat /= status_ok) return
-            call self%prediction%predict(history, stage, t, ha, self%rate_q, self%rate_qd, self%q)
+            call self%prediction%predict(history, stage, t, ha, self%rate(:, 1), self%rate(:, 2), self%q)
             call self%iterate(chart, stage, t, ha, stat)
         end do
         if (stat == status_ok) then
-            call self%prediction%store_deviation(stage, state%t, ha, self%rate_q, self%rate_qd)
+            call self%prediction%store_deviation(stage, state%t, ha, self%rate(:, 1), self%rate(:, 2))
             return
         end if
         call self%prediction%clear()
         self%theta(stage) = 1.0_wp
-        self%rate_q = state%qd
-        self%rate_qd = state%qdd
+        self%rate(:, 1) = state%qd
+        self%rate(:, 2) = state%qdd
         self%q = state%q
         call self%iterate(chart, stage, t, ha, stat)
         do k = 1, most_matrices
             if (stat /= status_newton_failed) return
             call self%restore(chart, t, ha, stat)
-            if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate_qd, ha, stat)
+            if (stat == status_ok) call self%renew(chart, t, self%q, self%qd, self%rate(:, 2), ha, stat)
             if (stat == status_ok) call self%iterate(chart, stage, t, ha, stat)
             ! D at a point far from the chart's origin is different. With such a matrix, corrections elsewhere may all be small
             ! although the iteration has not converged.
@@ -347,13 +344,11 @@ contains
         change = 0.0_wp
         if (size(self%residual) < chart%n_residual) self%residual = spread(0.0_wp, 1, chart%n_residual)
         associate (residual => self%residual(:chart%n_residual))
-            self%dq = self%base_dq + ha*self%rate_q
-            self%dqd = self%base_dqd + ha*self%rate_qd
-            call chart%find_residual(self%goal(stage, is_first, ha), t, self%dq, self%dqd, self%q, self%qd, self%rate_q, &
-                self%rate_qd, residual, stat)
+            self%increment = self%base + ha*self%rate
+            call chart%find_residual(self%goal(stage, is_first, ha), t, self%increment, self%q, self%qd, self%rate, residual, stat)
             if (stat /= status_ok) return
             call chart%solve(residual)
-            call chart%update(stage, self%q, self%qd, ha, residual, self%rate_q, self%rate_qd, change, stat)
+            call chart%update(stage, self%q, self%qd, ha, residual, self%rate, change, stat)
         end associate
     end subroutine correct
 
@@ -379,9 +374,8 @@ contains
         real(wp), intent(in) :: t, ha
         integer, intent(out) :: stat
 
-        self%dq = self%base_dq + ha*self%rate_q
-        self%dqd = self%base_dqd + ha*self%rate_qd
-        call chart%restore(t, self%dq, self%dqd, step_end, self%q, self%qd, stat)
+        self%increment = self%base + ha*self%rate
+        call chart%restore(t, self%increment(:, 1), self%increment(:, 2), step_end, self%q, self%qd, stat)
     end subroutine restore
 
     !> Complete the state at the end of a stiffly accurate step, whose last stage has been solved last.
@@ -396,8 +390,8 @@ contains
 
         call self%restore(chart, next%t, ha, stat)
         if (stat /= status_ok) return
-        next%dq = self%dq
-        next%dqd = self%dqd
+        next%dq = self%increment(:, 1)
+        next%dqd = self%increment(:, 2)
         next%q = self%q
         next%qd = self%qd
         call chart%accelerate(next%t, next%q, next%qd, step_end, next%qdd, stat)

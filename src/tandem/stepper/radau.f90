@@ -35,14 +35,14 @@ module tandem_stepper_radau
         type(tableau_type), private :: tableau
         integer, private :: wanted = 3
         type(choice_type), private :: choice
-        !> Rates, positions and velocities of the stages (n, stages).
-        real(wp), allocatable, private :: rate_q(:, :), rate_qd(:, :), q(:, :), qd(:, :)
+        !> Rates of position and velocity of the stages (n, 2, stages), positions and velocities of the stages (n, stages).
+        real(wp), allocatable, private :: rate(:, :, :), q(:, :), qd(:, :)
         !> Residuals and corrections of the stages (height, stages), and their transforms. The height is the chart's n_residual, but
         !> at least 2 n, because `rescue` stores the rates of the stages here.
         real(wp), allocatable, private :: residual(:, :), transformed(:, :)
-        !> Increments and rates at the start of the step; errors (n).
-        real(wp), allocatable, private :: start_dq(:), start_dqd(:), start_q(:), start_qd(:), error_q(:), error_qd(:), dq(:), &
-            dqd(:)
+        !> Increments and rates at the start of the step; errors (n); increments of a stage (n, 2).
+        real(wp), allocatable, private :: start_dq(:), start_dqd(:), start_q(:), start_qd(:), error_q(:), error_qd(:), &
+            increment(:, :)
         real(wp), private :: t_start = 0.0_wp, tolerance = 0.0_wp, rounding_limit = 0.0_wp
         !> theta/(1 - theta) of the last step's Newton iteration.
         real(wp), private :: remainder = 1.0_wp
@@ -100,12 +100,12 @@ contains
         self%choice = choice_type()
         call self%newton%allocate(scale, self%time_scale, newton_tolerance, [1.0_wp], [real(wp) ::])
         call self%history%allocate(n)
-        if (allocated(self%rate_q)) deallocate (self%rate_q, self%rate_qd, self%q, self%qd, self%residual, self%transformed, &
-            self%start_dq, self%start_dqd, self%start_q, self%start_qd, self%error_q, self%error_qd, self%dq, self%dqd)
+        if (allocated(self%rate)) deallocate (self%rate, self%q, self%qd, self%residual, self%transformed, &
+            self%start_dq, self%start_dqd, self%start_q, self%start_qd, self%error_q, self%error_qd, self%increment)
         associate (most => self%most)
-            allocate (self%rate_q(n, most), self%rate_qd(n, most), self%q(n, most), self%qd(n, most), &
+            allocate (self%rate(n, 2, most), self%q(n, most), self%qd(n, most), &
                 self%residual(2*n, most), self%transformed(2*n, most), self%start_dq(n), self%start_dqd(n), self%start_q(n), &
-                self%start_qd(n), self%error_q(n), self%error_qd(n), self%dq(n), self%dqd(n), source=0.0_wp)
+                self%start_qd(n), self%error_q(n), self%error_qd(n), self%increment(n, 2), source=0.0_wp)
         end associate
     end subroutine initialize
 
@@ -152,12 +152,10 @@ contains
             if (stat /= status_ok) return
             call solve_stages(self, chart, state, h, next%t, stat)
             if (stat == status_ok) then
-                call combine(size(self%dq), size(self%dq), s - 1, m%a(:, s), self%rate_q, self%newton%base_dq)
-                call combine(size(self%dq), size(self%dq), s - 1, m%a(:, s), self%rate_qd, self%newton%base_dqd)
-                self%newton%base_dq = state%dq + h*self%newton%base_dq
-                self%newton%base_dqd = state%dqd + h*self%newton%base_dqd
-                self%newton%rate_q = self%rate_q(:, s)
-                self%newton%rate_qd = self%rate_qd(:, s)
+                call combine(size(self%increment), size(self%increment), s - 1, m%a(:, s), self%rate, self%newton%base)
+                self%newton%base(:, 1) = state%dq + h*self%newton%base(:, 1)
+                self%newton%base(:, 2) = state%dqd + h*self%newton%base(:, 2)
+                self%newton%rate = self%rate(:, :, s)
                 call self%newton%finish(chart, h*m%a(s, s), next, stat)
             end if
             if (stat /= status_ok) then
@@ -168,7 +166,7 @@ contains
                 return
             end if
             do i = 1, s - 1
-                call self%history%push(state%t + m%c(i)*h, self%q(:, i), self%rate_q(:, i), self%rate_qd(:, i))
+                call self%history%push(state%t + m%c(i)*h, self%q(:, i), self%rate(:, 1, i), self%rate(:, 2, i))
             end do
             call self%history%push(next%t, next%q, next%qd, next%qdd)
         end associate
@@ -239,7 +237,7 @@ contains
         integer :: i
 
         do i = 1, self%tableau%stages
-            call self%history%extrapolate(self%t_start + self%tableau%c(i)*h, self%rate_q(:, i), self%rate_qd(:, i), &
+            call self%history%extrapolate(self%t_start + self%tableau%c(i)*h, self%rate(:, 1, i), self%rate(:, 2, i), &
                 self%tableau%stages + 2, self%q(:, i))
         end do
     end subroutine predict
@@ -300,22 +298,21 @@ contains
         real(wp) :: stage_change, t
         integer :: height, i, j, m, n
 
-        n = size(self%dq)
+        n = size(self%increment, 1)
         m = chart%n_residual
         height = size(self%residual, 1)
         change = 0.0_wp
         associate (s => self%tableau%stages, tableau => self%tableau)
             do i = 1, s
-                call combine(n, n, s, tableau%a(:, i), self%rate_q, self%dq)
-                call combine(n, n, s, tableau%a(:, i), self%rate_qd, self%dqd)
-                self%dq = self%start_dq + h*self%dq
-                self%dqd = self%start_dqd + h*self%dqd
+                call combine(2*n, 2*n, s, tableau%a(:, i), self%rate, self%increment)
+                self%increment(:, 1) = self%start_dq + h*self%increment(:, 1)
+                self%increment(:, 2) = self%start_dqd + h*self%increment(:, 2)
                 t = self%t_start + tableau%c(i)*h
                 if (i == s) t = t_end
                 ! The chart ignores components of the rates. They are changed below, for all stages together.
                 self%residual(:m, i) = 0.0_wp
-                call chart%find_residual(self%newton%goal(i, is_first, h), t, self%dq, self%dqd, self%q(:, i), self%qd(:, i), &
-                    self%rate_q(:, i), self%rate_qd(:, i), self%residual(:m, i), stat)
+                call chart%find_residual(self%newton%goal(i, is_first, h), t, self%increment, self%q(:, i), self%qd(:, i), &
+                    self%rate(:, :, i), self%residual(:m, i), stat)
                 if (stat /= status_ok) return
             end do
             do j = 1, s
@@ -328,7 +325,7 @@ contains
             do i = 1, s
                 call combine(m, height, s, tableau%t(:, i), self%transformed, self%residual(:, i))
                 call chart%update(i, self%q(:, i), self%qd(:, i), tableau%diagonal*h, self%residual(:m, i), &
-                    self%rate_q(:, i), self%rate_qd(:, i), stage_change, stat)
+                    self%rate(:, :, i), stage_change, stat)
                 if (stat /= status_ok) return
                 change = max(change, stage_change)
             end do
@@ -369,14 +366,14 @@ contains
         call chart%filter(self%error_q, self%error_qd)
         norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
         if (norm >= 1.0_wp .and. .not. self%is_settled) then
-            self%dq = self%start_dq + self%error_q
-            self%dqd = self%start_dqd + self%error_qd
+            self%increment(:, 1) = self%start_dq + self%error_q
+            self%increment(:, 2) = self%start_dqd + self%error_qd
             associate (q => self%q(:, 1), qd => self%qd(:, 1))
-                call chart%restore(self%t_start, self%dq, self%dqd, step_end, q, qd, stat)
-                if (stat == status_ok) call chart%accelerate(self%t_start, q, qd, step_end, self%dqd, stat)
+                call chart%restore(self%t_start, self%increment(:, 1), self%increment(:, 2), step_end, q, qd, stat)
+                if (stat == status_ok) call chart%accelerate(self%t_start, q, qd, step_end, self%increment(:, 2), stat)
                 if (stat == status_ok) then
                     self%start_q = qd
-                    self%start_qd = self%dqd
+                    self%start_qd = self%increment(:, 2)
                     call set_embedded_difference(self, h)
                     call chart%filter(self%error_q, self%error_qd)
                     norm = weighted_norm(self%error_q, self%error_qd, weight_q, weight_qd)
@@ -399,8 +396,8 @@ contains
             self%error_qd = (m%diagonal*h)*self%start_qd
             do j = 1, m%stages
                 weight = m%diagonal*h*m%weight(j)
-                self%error_q = self%error_q + weight*self%rate_q(:, j)
-                self%error_qd = self%error_qd + weight*self%rate_qd(:, j)
+                self%error_q = self%error_q + weight*self%rate(:, 1, j)
+                self%error_qd = self%error_qd + weight*self%rate(:, 2, j)
             end do
         end associate
     end subroutine set_embedded_difference
@@ -471,10 +468,10 @@ contains
                 do k = 1, s
                     integral = integral + h*x*m%a(k, s)*part(m%c(:s), j, x*m%c(k))
                 end do
-                state%dq(:) = state%dq + integral*self%rate_q(:, j)
-                state%dqd(:) = state%dqd + integral*self%rate_qd(:, j)
-                slope_q = slope_q + slope*self%rate_q(:, j)
-                slope_qd = slope_qd + slope*self%rate_qd(:, j)
+                state%dq(:) = state%dq + integral*self%rate(:, 1, j)
+                state%dqd(:) = state%dqd + integral*self%rate(:, 2, j)
+                slope_q = slope_q + slope*self%rate(:, 1, j)
+                slope_qd = slope_qd + slope*self%rate(:, 2, j)
             end do
         end associate
     end subroutine interpolate
@@ -520,7 +517,7 @@ contains
         call self%choice%pack_state(pack)
         call self%newton%pack_state(pack)
         call self%history%pack_state(pack)
-        call pack%item(self%rate_q, self%rate_qd)
+        call pack%item(self%rate)
         call pack%item(self%remainder)
         call pack%item(self%is_settled)
         call pack%item(self%easy_size)

@@ -26,7 +26,7 @@ contains
             if (stat /= status_newton_failed) exit
             ! The motion at the middle of the last iterate may be closer to the stages than the extrapolation.
             associate (m => self%tableau)
-                call self%newton%renew(chart, state%t + m%c(2)*h, self%q(:, 2), self%qd(:, 2), self%rate_qd(:, 2), &
+                call self%newton%renew(chart, state%t + m%c(2)*h, self%q(:, 2), self%qd(:, 2), self%rate(:, 2, 2), &
                     m%diagonal*h, stat)
             end associate
             self%newton%is_outdated = .true.
@@ -57,7 +57,7 @@ contains
         stat = status_newton_failed
         do k = most_quarters, 0, -1
             if (stat == status_ok) then
-                call start_all_stages(self, self%q(:, 3), self%rate_q(:, 3), self%rate_qd(:, 3))
+                call start_all_stages(self, self%q(:, 3), self%rate(:, 1, 3), self%rate(:, 2, 3))
             else
                 call start_all_stages(self, state%q, state%qd, state%qdd)
             end if
@@ -74,13 +74,13 @@ contains
     !> Use the same coordinates and rates as start values for all stages.
     subroutine start_all_stages(self, q, rate_q, rate_qd)
         class(radau_type), intent(inout) :: self
-        real(wp), intent(in) :: q(size(self%dq)), rate_q(size(self%dq)), rate_qd(size(self%dq))
+        real(wp), intent(in) :: q(size(self%increment, 1)), rate_q(size(self%increment, 1)), rate_qd(size(self%increment, 1))
         integer :: i
 
         do i = 3, 1, -1
             self%q(:, i) = q
-            self%rate_q(:, i) = rate_q
-            self%rate_qd(:, i) = rate_qd
+            self%rate(:, 1, i) = rate_q
+            self%rate(:, 2, i) = rate_qd
         end do
     end subroutine start_all_stages
 
@@ -101,11 +101,11 @@ contains
         real(wp) :: change, last_change, stage_change, theta
         integer :: i, k, n
 
-        n = size(self%dq)
+        n = size(self%increment, 1)
         last_change = huge(1.0_wp)
         do k = 1, most_sweeps
-            self%residual(:n, :) = self%rate_q
-            self%residual(n + 1:2*n, :) = self%rate_qd
+            self%residual(:n, :) = self%rate(:, 1, :)
+            self%residual(n + 1:2*n, :) = self%rate(:, 2, :)
             change = 0.0_wp
             do i = 1, 3
                 call solve_single_stage(self, chart, i, h, t_end, stage_change, stat)
@@ -123,7 +123,7 @@ contains
             return
         end if
         ! Make the matrix of the method, for the error estimate and for reuse in the next step.
-        call self%newton%renew(chart, t_end, self%q(:, 3), self%qd(:, 3), self%rate_qd(:, 3), self%tableau%diagonal*h, stat)
+        call self%newton%renew(chart, t_end, self%q(:, 3), self%qd(:, 3), self%rate(:, 2, 3), self%tableau%diagonal*h, stat)
         self%newton%is_outdated = .true.
         self%remainder = 1.0_wp
     end subroutine sweep_stages
@@ -145,28 +145,25 @@ contains
         real(wp) :: change, t
         integer :: j, k, n
 
-        n = size(self%dq)
+        n = size(self%increment, 1)
         first_change = 0.0_wp
         t = self%t_start + self%tableau%c(i)*h
         if (i == 3) t = t_end
-        associate (base_q => self%newton%base_dq, base_qd => self%newton%base_dqd, rate_q => self%newton%rate_q, &
-            rate_qd => self%newton%rate_qd, q => self%newton%q, qd => self%newton%qd)
-            rate_q = self%rate_q(:, i)
-            rate_qd = self%rate_qd(:, i)
-            base_q = self%start_dq
-            base_qd = self%start_dqd
+        associate (base => self%newton%base, rate => self%newton%rate, q => self%newton%q, qd => self%newton%qd)
+            rate = self%rate(:, :, i)
+            base(:, 1) = self%start_dq
+            base(:, 2) = self%start_dqd
             do j = 1, 3
-                base_q = base_q + h*(a(j, i) - l(j, i))*self%residual(:n, j)
-                base_qd = base_qd + h*(a(j, i) - l(j, i))*self%residual(n + 1:2*n, j)
+                base(:, 1) = base(:, 1) + h*(a(j, i) - l(j, i))*self%residual(:n, j)
+                base(:, 2) = base(:, 2) + h*(a(j, i) - l(j, i))*self%residual(n + 1:2*n, j)
             end do
             do j = 1, i - 1
-                base_q = base_q + h*l(j, i)*self%rate_q(:, j)
-                base_qd = base_qd + h*l(j, i)*self%rate_qd(:, j)
+                base = base + h*l(j, i)*self%rate(:, :, j)
             end do
             do k = 1, most_corrections
                 if (k == 1) then
                     call self%newton%restore(chart, t, h*l(i, i), stat)
-                    if (stat == status_ok) call self%newton%renew(chart, t, q, qd, rate_qd, h*l(i, i), stat)
+                    if (stat == status_ok) call self%newton%renew(chart, t, q, qd, rate(:, 2), h*l(i, i), stat)
                     if (stat /= status_ok) exit
                 end if
                 call self%newton%correct(chart, i, k == 1, t, h*l(i, i), change, stat)
@@ -174,8 +171,7 @@ contains
                 if (k == 1) first_change = change
                 if (change <= max(enough*first_change, self%tolerance)) exit
             end do
-            self%rate_q(:, i) = rate_q
-            self%rate_qd(:, i) = rate_qd
+            self%rate(:, :, i) = rate
             self%q(:, i) = q
             self%qd(:, i) = qd
         end associate

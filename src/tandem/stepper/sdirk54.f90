@@ -98,17 +98,17 @@ contains
             do i = 1, 5
                 t = state%t + c(i)*h
                 if (i == 5) t = next%t
-                newton%base_dq = state%dq
-                newton%base_dqd = state%dqd
+                newton%base(:, 1) = state%dq
+                newton%base(:, 2) = state%dqd
                 do j = 1, i - 1
-                    newton%base_dq = newton%base_dq + (h*a(j, i))*self%rate_q(:, j)
-                    newton%base_dqd = newton%base_dqd + (h*a(j, i))*self%rate_qd(:, j)
+                    newton%base(:, 1) = newton%base(:, 1) + (h*a(j, i))*self%rate_q(:, j)
+                    newton%base(:, 2) = newton%base(:, 2) + (h*a(j, i))*self%rate_qd(:, j)
                 end do
                 call newton%solve(chart, self%history, state, i, t, h, ha, stat)
                 if (stat /= status_ok) exit
-                self%rate_q(:, i) = newton%rate_q
-                self%rate_qd(:, i) = newton%rate_qd
-                if (i < 5) call self%history%push(t, newton%q, newton%rate_q, newton%rate_qd)
+                self%rate_q(:, i) = newton%rate(:, 1)
+                self%rate_qd(:, i) = newton%rate(:, 2)
+                if (i < 5) call self%history%push(t, newton%q, newton%rate(:, 1), newton%rate(:, 2))
             end do
             if (stat == status_ok) call newton%finish(chart, ha, next, stat)
         end associate

@@ -67,8 +67,8 @@ contains
         call self%history%continue_from(state, continues)
         call self%newton%prepare(chart, self%history, state, h, ha, continues, stat)
         if (stat /= status_ok) return
-        self%newton%base_dq = state%dq + ha*state%qd
-        self%newton%base_dqd = state%dqd + ha*state%qdd
+        self%newton%base(:, 1) = state%dq + ha*state%qd
+        self%newton%base(:, 2) = state%dqd + ha*state%qdd
         call self%newton%solve(chart, self%history, state, 1, next%t, h, ha, stat)
         if (stat == status_ok) call self%newton%finish(chart, ha, next, stat)
         if (stat == status_ok) then

@@ -85,7 +85,7 @@ contains
         call self%elimination%eliminate(self%c, self%scale, stat)
         call self%elimination%get_null_space(self%origin)
         call self%free_motion%load(self%elimination)
-        call self%free_motion%set_origin(size(self%blocks)/2, self%blocks, self%mass)
+        call self%free_motion%set_origin(self%blocks, self%mass)
         do i = 1, m
             call random_vector(seed, change)
             self%c(i, :) = self%c(i, :) + 0.05_wp*change/self%scale
@@ -175,10 +175,10 @@ contains
         do choice = 0, 3
             polishes = modulo(choice, 2) == 1
             if (choice < 2) then
-                call case%free_motion%solve(case%elimination, polishes, size(case%blocks)/2, case%blocks, case%mass, case%gamma, &
+                call case%free_motion%solve(case%elimination, polishes, case%blocks, case%mass, case%gamma, &
                     case%force, qdd, stat)
             else
-                call case%free_motion%solve(case%elimination, polishes, min(n - 1, 1), [1, n], case%mass, case%gamma, &
+                call case%free_motion%solve(case%elimination, polishes, pack([1, n], n > 1), case%mass, case%gamma, &
                     case%force, qdd, stat)
             end if
             call check_count(error, stat, status_ok, 'status')
@@ -205,7 +205,7 @@ contains
             do choice = 0, 3
                 case%mass = 0.0_wp
                 if (choice >= 2) case%mass(1, 1) = -1.0_wp
-                call case%free_motion%solve(case%elimination, modulo(choice, 2) == 1, 1, [1, 7], case%mass, case%gamma, &
+                call case%free_motion%solve(case%elimination, modulo(choice, 2) == 1, [1, 7], case%mass, case%gamma, &
                     case%force, qdd, stat)
                 call check_count(error, stat, status_singular_mass, 'status')
                 if (allocated(error)) return
@@ -233,7 +233,7 @@ contains
                     if (where_ == 1) mass(2, 2) = bad
                     if (where_ == 2) gamma(1) = bad
                     if (where_ == 3) force(3) = bad
-                    call case%free_motion%solve(case%elimination, modulo(choice, 2) == 1, 1, [1, 7], mass, gamma(:m), force, &
+                    call case%free_motion%solve(case%elimination, modulo(choice, 2) == 1, [1, 7], mass, gamma(:m), force, &
                         qdd, stat)
                     call check_true(error, any(stat == [status_singular_mass, status_not_finite]), 'refused')
                     if (allocated(error)) return
@@ -254,7 +254,7 @@ contains
         call free_motion%allocate(1, 2, [1.0_wp, 1.0_wp])
         call elimination%eliminate(reshape([1.0_wp, 0.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
         call free_motion%load(elimination)
-        call free_motion%set_origin(0, [integer ::], reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2]))
+        call free_motion%set_origin([integer ::], reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2]))
         call elimination%eliminate(reshape([0.0_wp, 1.0_wp], [1, 2]), [1.0_wp, 1.0_wp], stat)
         call free_motion%load(elimination)
         do choice = 0, 1

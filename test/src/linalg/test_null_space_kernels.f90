@@ -9,10 +9,9 @@ module test_null_space_kernels
     use tandem_kinds, only: lane, short
     use tandem_linalg_elimination, only: elimination_type
     use tandem_linalg_kernels, only: add, copy
-    use tandem_linalg_null_space_large, only: invert_large_gram
-    use tandem_chart_dense_position, only: correct, place
-    use tandem_linalg_gram, only: find_rounding, invert_gram, multiply_columns, multiply_rows, &
-        refine_inverse
+    use tandem_chart_dense_position, only: correct, place, position_type
+    use tandem_linalg_gram, only: invert_gram, multiply_columns, multiply_rows, refine_inverse, set_directions, smallest_gram_pivot
+    use tandem_linalg_products, only: invert_definite, multiply_first
     use tandem_chart_dense_free_motion, only: free_motion_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
@@ -121,7 +120,7 @@ contains
         integer, parameter :: n = 9, nh = 3
         real(wp) :: u_basis(n, short), origin(n), increment(n), q(n)
         real(wp) :: b(short, short), before(short, short), u(short), old(short), gain(nh), y(nh), weight(short)
-        real(wp) :: first(nh), second(nh), last_phi(short), w(short), z(short), across(nh)
+        real(wp) :: first(nh), second(nh), last_phi(short, 2), w(short), across(nh)
         integer :: j, seed
 
         seed = 5
@@ -143,12 +142,12 @@ contains
         do j = 1, short
             call random_vector(seed, u_basis(:, j))
         end do
-        call correct(short, nh, first, weight, .false., last_phi, b, u, w, z)
+        call correct(short, nh, first, weight, .false., last_phi, b, u, w)
         call check_below(error, maxval(abs(b - before)), 0.0_wp, 'change of B by a correction that does not teach')
         call check_below(error, maxval(abs(u(:nh) - matmul(b(:nh, :nh), first))), 1.0e-15_wp, 'u - B Phi')
         gain = u(:nh)
         old = u
-        call correct(short, nh, second, weight, .true., last_phi, b, u, w, z)
+        call correct(short, nh, second, weight, .true., last_phi, b, u, w)
         call place(n, short, u_basis, u, origin, increment, q)
         call check_below(error, maxval(abs(q - (origin + increment - matmul(u_basis, u)))), 1.0e-14_wp, 'q of the corrected u')
         y = first - second
@@ -165,7 +164,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, parameter :: nh = 4
         real(wp), parameter :: unit(nh) = [1.0_wp, 1.0e3_wp, 1.0e-6_wp, 50.0_wp]
-        real(wp) :: b(short, short, 2), u(short, 2), weight(short, 2), phi(nh, 3), last_phi(short), w(short), z(short)
+        real(wp) :: b(short, short, 2), u(short, 2), weight(short, 2), phi(nh, 3), last_phi(short, 2), w(short)
         integer :: i, j, k, seed
 
         seed = 6
@@ -186,8 +185,8 @@ contains
         do k = 1, 2
             last_phi = 0.0_wp
             do i = 1, 3
-                if (k == 1) call correct(short, nh, phi(:, i), weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w, z)
-                if (k == 2) call correct(short, nh, phi(:, i)*unit, weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w, z)
+                if (k == 1) call correct(short, nh, phi(:, i), weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w)
+                if (k == 2) call correct(short, nh, phi(:, i)*unit, weight(:, k), i > 1, last_phi, b(:, :, k), u(:, k), w)
             end do
         end do
         call check_below(error, maxval(abs(u(:, 2)*unit - u(:, 1)))/maxval(abs(u(:, 1))), 1.0e-13_wp, 'relative difference of u')
@@ -199,6 +198,7 @@ contains
         real(wp) :: u_basis(13, 8), u(8), origin(13), increment(13), q(13), scale(13), left(13), off(13)
         integer :: j, n, seed, width
         logical :: is_rounding
+        type(position_type) :: position
 
         seed = 10
         do j = 1, 8
@@ -232,8 +232,10 @@ contains
         subroutine find(place)
             real(wp), intent(in) :: place(:)
 
-            call find_rounding(n, width, u_basis(:n, :width), u(:width), origin(:n), increment(:n), place(:n), scale(:n), &
-                left(:n), is_rounding)
+            call position%allocate(n, width, .false., 1.0e-12_wp, 1.0e-12_wp, 1.0e-12_wp)
+            position%u_basis(:, :) = u_basis(:n, :width)
+            position%u(:) = u(:width)
+            call position%find_remainder(origin(:n), increment(:n), place(:n), scale(:n), left(:n), is_rounding)
         end subroutine find
     end subroutine test_rounding
 
@@ -267,10 +269,12 @@ contains
             do j = 1, n
                 call random_vector(seed, c(:m, j))
             end do
+            call set_directions(nh, c, q, scale, u, weight)
             if (by_lapack) then
-                call invert_large_gram(nh, c, q, scale, u, gram, weight, pivots, can)
+                call multiply_first(nh, c, u, gram)
+                call invert_definite(nh, smallest_gram_pivot, gram, pivots, can)
             else
-                call invert_gram(n, nh, height, width, c, q, scale, u, gram, weight, pivots, column, can)
+                call invert_gram(nh, c, u, gram, pivots, column, can)
             end if
             call check_true(error, can, 'can')
             do i = 1, nh
@@ -305,15 +309,19 @@ contains
             end do
             far = merge(1.0e-7_wp, 1.0e-3_wp, k == 1)
             c(3, :) = c(1, :) - c(2, :) + far*c(3, :)
-            call invert_gram(n, nh, lane, short, c, one, one, u, gram, weight, pivots, column, can)
+            call set_directions(nh, c, one, one, u, weight)
+            call invert_gram(nh, c, u, gram, pivots, column, can)
             call check_true(error, can .eqv. k == 2, 'can')
-            call invert_large_gram(nh, c, one, one, u, gram, weight, pivots, can)
+            call multiply_first(nh, c, u, gram)
+            call invert_definite(nh, smallest_gram_pivot, gram, pivots, can)
             call check_true(error, can .eqv. k == 2, 'can, by LAPACK')
         end do
         c(2, 3) = ieee_value(1.0_wp, ieee_quiet_nan)
-        call invert_gram(n, nh, lane, short, c, one, one, u, gram, weight, pivots, column, can)
+        call set_directions(nh, c, one, one, u, weight)
+        call invert_gram(nh, c, u, gram, pivots, column, can)
         call check_true(error, .not. can, 'refused where C is not finite')
-        call invert_large_gram(nh, c, one, one, u, gram, weight, pivots, can)
+        call multiply_first(nh, c, u, gram)
+        call invert_definite(nh, smallest_gram_pivot, gram, pivots, can)
         call check_true(error, .not. can, 'refused by LAPACK where C is not finite')
     end subroutine test_no_gram
 
@@ -339,7 +347,8 @@ contains
                 call random_vector(seed, c(:m, j))
                 if (j <= m) c(j, j) = c(j, j) + 3.0_wp
             end do
-            call invert_gram(n, nh, 2*lane, width, c, one, one, u, b, weight, pivots, work, can)
+            call set_directions(nh, c, one, one, u, weight)
+            call invert_gram(nh, c, u, b, pivots, work, can)
             call check_true(error, can, 'can')
             moved = c
             do i = 1, m
@@ -347,7 +356,7 @@ contains
                 moved(i, :) = moved(i, :) + 0.02_wp*column
             end do
             call set_lack(nh, moved, u, b, before)
-            call refine_inverse(n, nh, 2*lane, width, moved, u, weight, b, product, residual, rest, can)
+            call refine_inverse(nh, moved, u, weight, b, product, residual, rest, can)
             call check_true(error, can, 'refined')
             call set_lack(nh, moved, u, b, after)
             call check_true(error, maxval(abs(before(:nh, :nh))) > 1.0e-3_wp, 'it has moved')
@@ -395,14 +404,15 @@ contains
             call random_vector(seed, c(:nh, j))
             if (j <= nh) c(j, j) = c(j, j) + 3.0_wp
         end do
-        call invert_gram(n, nh, lane, short, c, one, one, u, b, weight, pivots, work, can)
+        call set_directions(nh, c, one, one, u, weight)
+        call invert_gram(nh, c, u, b, pivots, work, can)
         kept = b
         c(2, :) = 2*c(2, :)
-        call refine_inverse(n, nh, lane, short, c, u, weight, b, product, residual, rest, can)
+        call refine_inverse(nh, c, u, weight, b, product, residual, rest, can)
         call check_true(error, .not. can, 'too far')
         call check_below(error, maxval(abs(b - kept)), 0.0_wp, 'as it was')
         c(2, 3) = ieee_value(1.0_wp, ieee_quiet_nan)
-        call refine_inverse(n, nh, lane, short, c, u, weight, b, product, residual, rest, can)
+        call refine_inverse(nh, c, u, weight, b, product, residual, rest, can)
         call check_true(error, .not. can, 'not finite')
         call check_below(error, maxval(abs(b - kept)), 0.0_wp, 'as it was')
     end subroutine test_no_refinement

@@ -21,15 +21,15 @@ contains
         !> See `update` of the chart.
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
-        real(wp) :: residual(chart%n_residual), dq(chart%n), dqd(chart%n)
+        real(wp) :: residual(chart%n_residual), rate(chart%n, 2)
 
         change = huge(1.0_wp)
-        dq = ha*rate_q
-        dqd = ha*rate_qd
-        call chart%find_residual(goal_type(is_iterate=.true., is_first=is_first, stage=1), t, dq, dqd, q, qd, rate_q, rate_qd, &
-            residual, stat)
-        if (stat /= 0) return
-        call chart%solve(residual)
-        call chart%update(1, q, qd, ha, residual, rate_q, rate_qd, change, stat)
+        rate(:, 1) = rate_q
+        rate(:, 2) = rate_qd
+        call chart%find_residual(goal_type(is_iterate=.true., is_first=is_first, stage=1), t, ha*rate, q, qd, rate, residual, stat)
+        if (stat == 0) call chart%solve(residual)
+        if (stat == 0) call chart%update(1, q, qd, ha, residual, rate, change, stat)
+        rate_q = rate(:, 1)
+        rate_qd = rate(:, 2)
     end subroutine correct_stage
 end module stage_corrections

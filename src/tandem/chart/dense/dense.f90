@@ -9,6 +9,7 @@
 !> Coordinate scales s: bases are those of C diag(s), so that diag(s) U, diag(s) X, diag(s) V, diag(s) W move q and qd, and
 !> diag(s)^-1 V and diag(s)^-1 W are the duals that give coordinates.
 module tandem_chart_dense
+    use tandem_chart_dense_bases, only: bases_type
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_basis, only: basis_type
@@ -66,11 +67,6 @@ module tandem_chart_dense
         !> True if a chart needs no orthonormal basis: for explicit steps without monitored quantities.
         logical :: skips_basis = .false.
     end type mode_type
-
-    !> diag(s) X (n, m), diag(s) V (n, n - nh), diag(s) W (n, n - m) and the duals of V and W: only if bases are kept.
-    type :: bases_type
-        real(wp), allocatable :: x(:, :), v(:, :), w(:, :), v_dual(:, :), w_dual(:, :)
-    end type bases_type
 
     !> C at the start of a step (m, n), its orientation and independence, see `velocity_basis_type`.
     type :: start_type
@@ -382,13 +378,13 @@ module tandem_chart_dense
         end subroutine do_reuse
 
         !> The point and the residual of an iterate of a stage.
-        module subroutine do_find_residual(self, goal, t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
+        module subroutine do_find_residual(self, goal, t, increment, q, qd, rate, residual, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             type(goal_type), intent(in) :: goal
             real(wp), intent(in) :: t
-            real(wp), intent(in), contiguous :: dq(:), dqd(:)
-            real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:), residual(:)
+            real(wp), intent(in), contiguous :: increment(:, :)
+            real(wp), intent(inout), contiguous :: q(:), qd(:), rate(:, :), residual(:)
             integer, intent(out) :: stat
         end subroutine do_find_residual
 
@@ -408,14 +404,14 @@ module tandem_chart_dense
         end subroutine do_solve_pair
 
         !> Add a correction to a stage's rates.
-        module subroutine do_update(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+        module subroutine do_update(self, stage, q, qd, ha, correction, rate, change, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             integer, intent(in) :: stage
             real(wp), intent(in), contiguous :: q(:), qd(:)
             real(wp), intent(in) :: ha
             real(wp), intent(in), contiguous :: correction(:)
-            real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+            real(wp), intent(inout), contiguous :: rate(:, :)
             real(wp), intent(out) :: change
             integer, intent(out) :: stat
         end subroutine do_update

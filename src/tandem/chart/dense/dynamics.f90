@@ -21,7 +21,7 @@ module tandem_chart_dense_dynamics
         !> M D (n, k), D' M D (k, k), right sides (n), (k), and C qdd + gamma (m).
         real(wp), allocatable :: mass_times_basis(:, :), reduced_mass(:, :), ambient(:), rhs(:), defect(:)
     contains
-        procedure :: allocate => allocate_dynamics, factor, solve, project, multipliers
+        procedure :: allocate => allocate_dynamics, factor, solve, polish, project, multipliers
     end type dynamics_type
 
 contains
@@ -53,12 +53,10 @@ contains
     end subroutine factor
 
     !> The acceleration, with the factor of the same point.
-    subroutine solve(self, mass, jacobian, basis, right_inverse, gamma, force, polish, qdd, stat)
+    subroutine solve(self, mass, basis, right_inverse, gamma, force, qdd, stat)
         class(dynamics_type), intent(inout) :: self
-        !> M (n, n), C (m, n), D (n, k), R (n, m), gamma (m), S + Q_A (n).
-        real(wp), intent(in), contiguous :: mass(:, :), jacobian(:, :), basis(:, :), right_inverse(:, :), gamma(:), force(:)
-        !> True to remove rounding errors of R and D from C qdd + gamma.
-        logical, intent(in) :: polish
+        !> M (n, n), D (n, k), R (n, m), gamma (m), S + Q_A (n).
+        real(wp), intent(in), contiguous :: mass(:, :), basis(:, :), right_inverse(:, :), gamma(:), force(:)
         real(wp), intent(out), contiguous :: qdd(:)
         !> A status code.
         integer, intent(out) :: stat
@@ -72,13 +70,20 @@ contains
         call add_transposed_product(basis, self%ambient, 1.0_wp, self%rhs)
         call self%reduced%solve(self%rhs)
         call add_product(basis, self%rhs, 1.0_wp, qdd)
-        if (polish) then
-            self%defect = gamma
-            call add_product(jacobian, qdd, 1.0_wp, self%defect)
-            call add_product(right_inverse, self%defect, -1.0_wp, qdd)
-        end if
         if (.not. sum(abs(qdd)) <= huge(1.0_wp)) stat = status_not_finite
     end subroutine solve
+
+    !> Remove rounding errors of R and D from C qdd + gamma.
+    subroutine polish(self, jacobian, right_inverse, gamma, qdd)
+        class(dynamics_type), intent(inout) :: self
+        !> C (m, n), R (n, m), gamma (m).
+        real(wp), intent(in), contiguous :: jacobian(:, :), right_inverse(:, :), gamma(:)
+        real(wp), intent(inout), contiguous :: qdd(:)
+
+        self%defect = gamma
+        call add_product(jacobian, qdd, 1.0_wp, self%defect)
+        call add_product(right_inverse, self%defect, -1.0_wp, qdd)
+    end subroutine polish
 
     !> The velocity with C qd = nu that is nearest to qd in the mass metric, with the factor of the same point.
     subroutine project(self, basis, right_inverse, nu, qd)

@@ -74,13 +74,12 @@ contains
         if (stat == status_ok) call dynamics%factor(evaluator%terms%mass, basis, stat)
         if (stat /= status_ok) return
         associate (terms => evaluator%terms)
-            call dynamics%solve(terms%mass, terms%jacobian, basis, right_inverse, terms%gamma, terms%force, .false., self%qdd, stat)
+            call dynamics%solve(terms%mass, basis, right_inverse, terms%gamma, terms%force, self%qdd, stat)
             if (stat /= status_ok) return
             call dynamics%multipliers(terms%mass, right_inverse, terms%force, self%qdd, self%normal_forces%first)
             do j = 1, self%n
                 self%force = evaluator%directions(:, j)
-                call dynamics%solve(terms%mass, terms%jacobian, basis, right_inverse, self%no_gamma, self%force, .false., &
-                    self%qdd, stat)
+                call dynamics%solve(terms%mass, basis, right_inverse, self%no_gamma, self%force, self%qdd, stat)
                 if (stat /= status_ok) return
                 call dynamics%multipliers(terms%mass, right_inverse, self%force, self%qdd, self%normal_forces%reach(:, j))
             end do

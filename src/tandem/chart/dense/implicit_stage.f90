@@ -13,8 +13,14 @@ contains
         if (stat /= status_ok) return
         associate (terms => self%model%terms, r => self%velocity_basis%right_inverse, d => self%velocity_basis%null_space)
             call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%work%lambda)
-            call self%rows%evaluate_derivatives(self%differences, self%model%kept, t, q, qd, qdd, self%work%lambda, &
-                self%derivatives, self%counts, stat)
+            if (allocated(self%rows%dropped)) then
+                call self%rows%expand(self%work%lambda)
+                call self%differences%evaluate_derivatives(t, q, qd, qdd, self%rows%lambda, self%rows%derivatives, self%counts, &
+                    stat)
+                call self%rows%take(self%derivatives)
+            else
+                call self%differences%evaluate_derivatives(t, q, qd, qdd, self%work%lambda, self%derivatives, self%counts, stat)
+            end if
             if (stat /= status_ok) then
                 self%failure%term = 'a derivative'
                 return
@@ -29,17 +35,25 @@ contains
             if (self%friction%n > 0) then
                 call self%friction%find_left_basis(self%model, self%dynamics, d, r, stat)
                 if (stat /= status_ok) return
-                call self%stage%form(terms, self%derivatives, self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, &
-                    self%position%u_basis(:, :self%nh), self%work%b_phi, d, self%friction%left_basis, r, .not. self%metric%is_on)
+                call form(self%friction%left_basis)
             else
-                call self%stage%form(terms, self%derivatives, self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, &
-                    self%position%u_basis(:, :self%nh), self%work%b_phi, d, d, r, .not. self%metric%is_on)
+                call form(d)
             end if
             call self%stage%factor(ha, stat)
         end associate
         self%stage_segment = self%model%segment()
         self%counts%newton_matrices = self%counts%newton_matrices + 1
         self%counts%newton_factorizations = self%counts%newton_factorizations + 1
+
+    contains
+
+        !> The matrix, with a matrix to the left of the gradients of the dynamics.
+        subroutine form(left_basis)
+            real(wp), intent(in), contiguous :: left_basis(:, :)
+
+            call self%stage%form(self%model%terms, self%derivatives, self%bases, self%position%u_basis(:, :self%nh), &
+                self%work%b_phi, self%velocity_basis, left_basis, .not. self%metric%is_on)
+        end subroutine form
     end procedure do_factor
 
     module procedure do_reuse
@@ -47,7 +61,7 @@ contains
         can = self%stage_segment == self%model%segment()
         if (.not. can) return
         call follow_stiffness(self, ha)
-        call self%stage%adapt(ha, self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, &
+        call self%stage%adapt(ha, self%bases, &
             self%counts%newton_factorizations, can)
     end procedure do_reuse
 
@@ -74,25 +88,25 @@ contains
         self%failure%row = 0
         self%may_lean = .false.
         if (restores(self)) then
-            call self%restore_position(t, dq, step_end, q, stat)
-            if (stat == status_ok) call self%restore_velocity(t, q, dqd, step_end, qd, stat)
-            if (stat == status_ok) call residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
+            call self%restore_position(t, increment(:, 1), step_end, q, stat)
+            if (stat == status_ok) call self%restore_velocity(t, q, increment(:, 2), step_end, qd, stat)
+            if (stat == status_ok) call residual_at(self, t, q, qd, rate, residual, stat)
             return
         end if
         associate (iterate => self%iterates(goal%stage), terms => self%model%terms)
             ! Factors are made again after large changes, which the factors of the first iterate would follow too slowly.
             if (goal%is_first .or. iterate%drift > far) then
-                call begin_stage(self, iterate, t, dq, q, stat)
+                call begin_stage(self, iterate, t, increment(:, 1), q, stat)
             else
-                call continue_stage(self, iterate, t, dq, q, stat)
+                call continue_stage(self, iterate, t, increment(:, 1), q, stat)
             end if
             if (stat /= status_ok) return
-            qd = self%qd0 + dqd
+            qd = self%qd0 + increment(:, 2)
             if (self%m > 0) call iterate%correct_velocity(terms%jacobian, terms%nu, self%bases%x, qd)
             call self%move_with(t, q, qd, stat)
             if (stat /= status_ok) return
-            call self%stage%find_residual(terms, self%velocity_basis, self%bases%v, self%bases%v_dual, self%bases%x, self%bases%w, &
-                self%bases%w_dual, qd, rate_q, rate_qd, self%work%change_q, iterate)
+            call self%stage%find_residual(terms, self%velocity_basis, self%bases, qd, rate(:, 1), rate(:, 2), self%work%change_q, &
+                iterate)
             call self%stage%get_residual(residual)
         end associate
     end procedure do_find_residual
@@ -108,18 +122,18 @@ contains
     end function restores
 
     !> The residual of a stage at a restored point.
-    subroutine residual_at(self, t, q, qd, rate_q, rate_qd, residual, stat)
+    subroutine residual_at(self, t, q, qd, rate, residual, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: q(:), qd(:)
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:), residual(:)
+        real(wp), intent(inout), contiguous :: rate(:, :), residual(:)
         integer, intent(out) :: stat
 
         call self%move_with(t, q, qd, stat)
         if (stat == status_ok) call self%find_velocity_basis(stat)
         if (stat /= status_ok) return
-        call self%stage%find_residual(self%model%terms, self%velocity_basis, self%bases%v, self%bases%v_dual, self%bases%x, &
-            self%bases%w, self%bases%w_dual, qd, rate_q, rate_qd, self%work%change_q)
+        call self%stage%find_residual(self%model%terms, self%velocity_basis, self%bases, qd, rate(:, 1), rate(:, 2), &
+            self%work%change_q)
         call self%stage%get_residual(residual)
     end subroutine residual_at
 
@@ -247,11 +261,11 @@ contains
     end subroutine continue_stage
 
     module procedure do_solve
-        call self%stage%solve_real(self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, x)
+        call self%stage%solve_real(self%bases, x)
     end procedure do_solve
 
     module procedure do_solve_pair
-        call self%stage%solve_pair(self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, k, x, y)
+        call self%stage%solve_pair(self%bases, k, x, y)
     end procedure do_solve_pair
 
     !> Add the correction, measure its size, and check that the rates are finite.
@@ -260,7 +274,7 @@ contains
         integer :: j
 
         stat = status_ok
-        call self%stage%move_rates(self%bases%v, self%bases%w, correction, rate_q, rate_qd, self%work%change_q, &
+        call self%stage%move_rates(self%bases, correction, rate(:, 1), rate(:, 2), self%work%change_q, &
             self%work%change_qd)
         self%counts%newton_corrections = self%counts%newton_corrections + 1
         change = 0.0_wp
@@ -275,7 +289,7 @@ contains
                 change = max(change, abs(ha*self%work%change_qd(j))*unit_qd)
                 left = max(left, abs(iterate%moved_q(j))*unit_q, &
                     max(abs(iterate%moved_qd(j)), abs(ha*iterate%moved_qdd(j)))*unit_qd)
-                sum_of_rates = sum_of_rates + (abs(rate_q(j)) + abs(rate_qd(j)))
+                sum_of_rates = sum_of_rates + (abs(rate(j, 1)) + abs(rate(j, 2)))
             end do
             change = max(change, turned)
             if (.not. sum_of_rates <= huge(1.0_wp)) then
@@ -290,7 +304,7 @@ contains
     end procedure do_update
 
     module procedure do_filter
-        call self%stage%filter(self%bases%v, self%bases%v_dual, self%bases%w, self%bases%w_dual, error_q, error_qd)
+        call self%stage%filter(self%bases, error_q, error_qd)
         if (self%point%has_velocity_basis) call self%stage%restore_error(self%model%terms%jacobian, self%velocity_basis, &
             self%bases%x, error_qd)
     end procedure do_filter

@@ -68,15 +68,64 @@ contains
     end subroutine weigh_rows
 
     !> True if the columns of C that belong to coordinates without mass have kept their orientation from one point to another:
-    !> det(A' B) of these columns is positive.
+    !> det(A' W B) of these columns is positive, W the weights of rows. Also finds the smallest pivot of its elimination: if A is
+    !> near B, the pivots are near those of A' A, which needs no exchange of rows.
     pure subroutine compare(self, from, to, scale, is_kept)
         class(massless_ties_type), intent(inout) :: self
         !> C at the two points (m, n), and the scales of the unknowns (n).
         real(wp), intent(in) :: from(:, :), to(:, :), scale(:)
         logical, intent(out) :: is_kept
+        real(wp) :: sums(short), f
+        integer :: i, j, l, s
 
-        call compare_columns(size(self%weight), size(scale), self%n, self%columns, scale, from, to, self%product, self%weighted, &
-            self%weight, self%loosest, self%weakest, is_kept)
+        self%loosest = 0
+        self%weakest = huge(1.0_wp)
+        is_kept = .true.
+        if (self%n == 0) return
+        !GCC$ NOVECTOR
+        do i = 1, self%n
+            f = scale(self%columns(i))
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do l = 1, size(self%weight)
+                self%weighted(i, l) = f*self%weight(l)*from(l, self%columns(i))
+            end do
+        end do
+        do j = 1, self%n
+            do s = 0, self%n - 1, short
+                do i = 1, short
+                    sums(i) = 0.0_wp
+                end do
+                !GCC$ NOVECTOR
+                !GCC$ UNROLL 1
+                do l = 1, size(self%weight)
+                    f = to(l, self%columns(j))
+                    !GCC$ UNROLL 1
+                    do i = 1, short
+                        sums(i) = sums(i) + self%weighted(s + i, l)*f
+                    end do
+                end do
+                f = scale(self%columns(j))
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    self%product(s + i, j) = f*sums(i)
+                end do
+            end do
+        end do
+        do l = 1, self%n
+            if (self%product(l, l) < self%weakest) then
+                self%weakest = self%product(l, l)
+                self%loosest = self%columns(l)
+            end if
+            if (self%product(l, l) < 0.0_wp) is_kept = .not. is_kept
+            if (.not. abs(self%product(l, l)) > 0.0_wp) exit
+            do j = l + 1, self%n
+                f = self%product(l, j)/self%product(l, l)
+                do i = l + 1, self%n
+                    self%product(i, j) = self%product(i, j) - self%product(i, l)*f
+                end do
+            end do
+        end do
     end subroutine compare
 
     !> Number of steps like the last one until the constraints no longer condition a coordinate, if conditioning is weak. At least
@@ -128,72 +177,4 @@ contains
         call pack%item(self%best)
         call pack%item(self%weight)
     end subroutine pack_state
-
-    !> True if det(A' W B) of some columns of two matrices is positive, and the smallest pivot of an elimination, with weights W of
-    !> rows and scaled unknowns. If A is near B, the pivots are near those of A' A, which needs no exchange of rows.
-    pure subroutine compare_columns(m, n, k, columns, scale, a, b, product, weighted, weight, weakest, smallest, is_positive)
-        !> Rows, columns, the number of columns to compare and their indices.
-        integer, intent(in) :: m, n, k, columns(n)
-        !> Scales of the unknowns, A and B.
-        real(wp), intent(in) :: scale(n), a(m, n), b(m, n)
-        !> Work space: A' W B, and W A, transposed, so that the innermost loops run along columns, in registers: there are usually
-        !> few columns. Weights of the rows.
-        real(wp), intent(inout) :: product(m + short, m), weighted(m + short, m)
-        real(wp), intent(in) :: weight(m)
-        !> The column of the smallest pivot, with negative ones first, and that pivot; 0 and huge if there are no columns.
-        integer, intent(out) :: weakest
-        real(wp), intent(out) :: smallest
-        logical, intent(out) :: is_positive
-        real(wp) :: sums(short), f
-        integer :: i, j, l, s
-
-        weakest = 0
-        smallest = huge(1.0_wp)
-        is_positive = .true.
-        if (k == 0) return
-        !GCC$ NOVECTOR
-        do i = 1, k
-            f = scale(columns(i))
-            !GCC$ NOVECTOR
-            !GCC$ UNROLL 1
-            do l = 1, m
-                weighted(i, l) = f*weight(l)*a(l, columns(i))
-            end do
-        end do
-        do j = 1, k
-            do s = 0, k - 1, short
-                do i = 1, short
-                    sums(i) = 0.0_wp
-                end do
-                !GCC$ NOVECTOR
-                !GCC$ UNROLL 1
-                do l = 1, m
-                    f = b(l, columns(j))
-                    !GCC$ UNROLL 1
-                    do i = 1, short
-                        sums(i) = sums(i) + weighted(s + i, l)*f
-                    end do
-                end do
-                f = scale(columns(j))
-                !GCC$ UNROLL 1
-                do i = 1, short
-                    product(s + i, j) = f*sums(i)
-                end do
-            end do
-        end do
-        do l = 1, k
-            if (product(l, l) < smallest) then
-                smallest = product(l, l)
-                weakest = columns(l)
-            end if
-            if (product(l, l) < 0.0_wp) is_positive = .not. is_positive
-            if (.not. abs(product(l, l)) > 0.0_wp) exit
-            do j = l + 1, k
-                f = product(l, j)/product(l, l)
-                do i = l + 1, k
-                    product(i, j) = product(i, j) - product(i, l)*f
-                end do
-            end do
-        end do
-    end subroutine compare_columns
 end module tandem_chart_dense_massless_ties

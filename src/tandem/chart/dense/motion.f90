@@ -183,11 +183,13 @@ contains
             if (self%mode%has_bases) then
                 call self%complete_velocity_basis(stat)
                 if (stat == status_ok) call self%dynamics%factor(terms%mass, velocity_basis%null_space, stat)
-                if (stat == status_ok) call self%dynamics%solve(terms%mass, terms%jacobian, velocity_basis%null_space, &
-                    velocity_basis%right_inverse, terms%gamma, terms%force, .not. self%mode%refines, qdd, stat)
+                if (stat == status_ok) call self%dynamics%solve(terms%mass, velocity_basis%null_space, &
+                    velocity_basis%right_inverse, terms%gamma, terms%force, qdd, stat)
+                if (stat == status_ok .and. .not. self%mode%refines) call self%dynamics%polish(terms%jacobian, &
+                    velocity_basis%right_inverse, terms%gamma, qdd)
             else
-                call self%free_motion%solve(velocity_basis%elimination, .not. goal%is_stage, self%model%n_blocks, &
-                    self%model%blocks, terms%mass, terms%gamma, terms%force, qdd, stat)
+                call self%free_motion%solve(velocity_basis%elimination, .not. goal%is_stage, &
+                    self%model%blocks(:2*self%model%n_blocks), terms%mass, terms%gamma, terms%force, qdd, stat)
             end if
             if (stat /= status_ok) call self%name_infinite(stat)
         end associate

@@ -21,6 +21,7 @@
 !> r1, the force r2 to S_w' r2, and corrections return by S. The neglected terms are of second order in the angle between the charts
 !> and affect the contraction only. They vanish along stiff directions, which the duals of a metric preserve.
 module tandem_chart_dense_newton_matrix
+    use tandem_chart_dense_bases, only: bases_type
     use tandem_kinds, only: long, wp
     use tandem_linalg_kernels, only: add_product, add_transposed_product, set_gram, set_product
     use tandem_linalg_complex_lu, only: complex_lu_type
@@ -135,57 +136,57 @@ contains
     end subroutine expect_pairs
 
     !> Form the blocks at the current point.
-    subroutine form(self, terms, derivatives, v_basis, v_dual, w_basis, w_dual, u_basis, b_phi, null_space, left_basis, &
-        right_inverse, is_plain)
+    subroutine form(self, terms, derivatives, bases, u_basis, b_phi, velocity_basis, left_basis, is_plain)
         class(stage_type), intent(inout) :: self
         !> The terms and derivatives of the point.
         type(terms_type), intent(in) :: terms
         type(derivatives_type), intent(in) :: derivatives
-        !> V as a basis and as the dual that gives coordinates (n, nv), likewise for W (n, nw), U (n, nh), B Phi_q (nh, n) at the
-        !> point.
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :), u_basis(:, :), b_phi(:, :)
-        !> D (n, nw), the matrix to the left of R2_v and R2_w (n, nw), which is D without friction on reactions, and R (n, m) at the
-        !> point.
-        real(wp), intent(in), contiguous :: null_space(:, :), left_basis(:, :), right_inverse(:, :)
+        type(bases_type), intent(in) :: bases
+        !> U (n, nh), B Phi_q (nh, n) at the point.
+        real(wp), intent(in), contiguous :: u_basis(:, :), b_phi(:, :)
+        !> With D (n, nw) and R (n, m) at the point.
+        type(velocity_basis_type), intent(in) :: velocity_basis
+        !> The matrix to the left of R2_v and R2_w (n, nw), which is D without friction on reactions.
+        real(wp), intent(in), contiguous :: left_basis(:, :)
         !> True if the chart's duals equal its bases up to coordinate scales.
         logical, intent(in) :: is_plain
         integer :: j, l
 
         ! Fbar = (I - U B Phi_q) V (54).
-        self%fbar = v_basis
+        self%fbar = bases%v
         do j = 1, self%nv
             do l = 1, size(u_basis, 2)
-                self%fbar(:, j) = self%fbar(:, j) - u_basis(:, l)*dot_product(b_phi(l, :), v_basis(:, j))
+                self%fbar(:, j) = self%fbar(:, j) - u_basis(:, l)*dot_product(b_phi(l, :), bases%v(:, j))
             end do
         end do
         ! Pbar = -R (C qd - nu)_q Fbar (75).
         call set_product(derivatives%velocity_q, self%fbar, self%work_mv)
-        call set_product(right_inverse, self%work_mv, self%pbar)
+        call set_product(velocity_basis%right_inverse, self%work_mv, self%pbar)
         self%pbar = -self%pbar
         ! The gradients of M qdd + C' lambda - S - Q_A along the manifold of accelerations.
-        call set_product(terms%mass, right_inverse, self%mr)
+        call set_product(terms%mass, velocity_basis%right_inverse, self%mr)
         call set_product(self%mr, derivatives%acceleration_q, self%gradient_q)
         self%gradient_q = derivatives%dynamics_q - self%gradient_q
         call set_product(self%mr, derivatives%acceleration_qd, self%gradient_qd)
         self%gradient_qd = derivatives%dynamics_qd - self%gradient_qd
-        call set_product(self%gradient_qd, null_space, self%r2_w)
+        call set_product(self%gradient_qd, velocity_basis%null_space, self%r2_w)
         call set_product(self%gradient_q, self%fbar, self%r2_v)
         do j = 1, self%nv
             call add_product(self%gradient_qd, self%pbar(:, j), 1.0_wp, self%r2_v(:, j))
         end do
-        call set_gram(v_dual, self%pbar, self%r1_v)
+        call set_gram(bases%v_dual, self%pbar, self%r1_v)
         self%r1_v = -self%r1_v
-        call set_gram(v_dual, null_space, self%r1_w)
+        call set_gram(bases%v_dual, velocity_basis%null_space, self%r1_w)
         self%r1_w = -self%r1_w
         ! D' M D, D' R2_v and D' R2_w.
-        call set_product(terms%mass, null_space, self%mass_d)
+        call set_product(terms%mass, velocity_basis%null_space, self%mass_d)
         call set_gram(left_basis, self%r2_v, self%block_wv)
         call set_gram(left_basis, self%r2_w, self%block_ww)
-        call set_gram(null_space, self%mass_d, self%origin_mass)
-        self%carry%formed_v = v_dual
-        self%carry%formed_w = w_dual
-        self%carry%formed_v_basis = v_basis
-        self%carry%formed_w_basis = w_basis
+        call set_gram(velocity_basis%null_space, self%mass_d, self%origin_mass)
+        self%carry%formed_v = bases%v_dual
+        self%carry%formed_w = bases%w_dual
+        self%carry%formed_v_basis = bases%v
+        self%carry%formed_w_basis = bases%w
         self%carry%is_carried = .false.
         self%carry%is_plain_there = is_plain
         self%ha = 0.0_wp
@@ -255,11 +256,11 @@ contains
     end subroutine factor_pair
 
     !> Reuse the last matrix for another ha: factor its blocks again if ha has changed by more than rounding.
-    subroutine adapt(self, ha, v_basis, v_dual, w_basis, w_dual, factorizations, can)
+    subroutine adapt(self, ha, bases, factorizations, can)
         class(stage_type), intent(inout) :: self
         real(wp), intent(in) :: ha
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        type(bases_type), intent(in) :: bases
         !> Counts factorisations.
         integer(long), intent(inout) :: factorizations
         !> False if there is no matrix, or its chart is too far away.
@@ -269,7 +270,7 @@ contains
         integer :: stat
 
         can = self%ha > 0.0_wp
-        if (can) can = self%is_near(v_basis, v_dual, w_basis, w_dual)
+        if (can) can = self%is_near(bases)
         if (.not. can .or. (abs(ha - self%ha) <= rounding*self%ha .and. .not. self%is_outdated)) return
         call self%factor(ha, stat)
         factorizations = factorizations + 1
@@ -288,26 +289,26 @@ contains
     end subroutine enter_chart
 
     !> Solve for a right side in the current chart's coordinates, in place.
-    subroutine solve(self, v_basis, v_dual, w_basis, w_dual)
+    subroutine solve(self, bases)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        type(bases_type), intent(in) :: bases
 
-        if (self%carry%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        if (self%carry%is_carried) call self%set_carry(bases)
         call self%take_there(self%rhs)
         call self%lu%solve(self%rhs)
         call self%bring_back(self%rhs)
     end subroutine solve
 
     !> Solve for a right side of stages that are solved together, in the current chart's coordinates, in place.
-    subroutine solve_real(self, v_basis, v_dual, w_basis, w_dual, x)
+    subroutine solve_real(self, bases, x)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        type(bases_type), intent(in) :: bases
         !> Its first nv + nw entries.
         real(wp), intent(inout), contiguous :: x(:)
 
-        if (self%carry%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        if (self%carry%is_carried) call self%set_carry(bases)
         associate (n => self%nv + self%nw)
             call self%take_there(x(:n))
             call self%lu%solve(x(:n))
@@ -316,16 +317,16 @@ contains
     end subroutine solve_real
 
     !> Solve with the matrix of one of the pairs, for x + i y.
-    subroutine solve_pair(self, v_basis, v_dual, w_basis, w_dual, k, x, y)
+    subroutine solve_pair(self, bases, k, x, y)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        type(bases_type), intent(in) :: bases
         !> The number of the pair.
         integer, intent(in) :: k
         !> Their first nv + nw entries.
         real(wp), intent(inout), contiguous :: x(:), y(:)
 
-        if (self%carry%is_carried) call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        if (self%carry%is_carried) call self%set_carry(bases)
         associate (n => self%nv + self%nw)
             call self%take_there(x(:n))
             call self%take_there(y(:n))
@@ -364,20 +365,20 @@ contains
     end subroutine bring_back
 
     !> Compute T_v, T_w, S_v and S_w for the current chart, once.
-    subroutine set_carry(self, v_basis, v_dual, w_basis, w_dual)
+    subroutine set_carry(self, bases)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        type(bases_type), intent(in) :: bases
 
         if (self%carry%is_current) return
-        call set_gram(self%carry%formed_v, v_basis, self%carry%v)
-        call set_gram(self%carry%formed_w, w_basis, self%carry%w)
+        call set_gram(self%carry%formed_v, bases%v, self%carry%v)
+        call set_gram(self%carry%formed_w, bases%w, self%carry%w)
         if (self%carry%is_plain_there .and. self%carry%is_plain_here) then
             call set_transpose(self%carry%v, self%carry%back_v)
             call set_transpose(self%carry%w, self%carry%back_w)
         else
-            call set_gram(v_dual, self%carry%formed_v_basis, self%carry%back_v)
-            call set_gram(w_dual, self%carry%formed_w_basis, self%carry%back_w)
+            call set_gram(bases%v_dual, self%carry%formed_v_basis, self%carry%back_v)
+            call set_gram(bases%w_dual, self%carry%formed_w_basis, self%carry%back_w)
         end if
         self%carry%is_current = .true.
     end subroutine set_carry
@@ -398,16 +399,16 @@ contains
     !> True if the chart has turned so little since the matrix was formed that the matrix can be reused. Corrections become smaller
     !> by the squared cosines of the angles between the tangent spaces: near right angles an iteration would stagnate and seem to
     !> converge.
-    logical function is_near(self, v_basis, v_dual, w_basis, w_dual)
+    logical function is_near(self, bases)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw), of the current chart.
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        type(bases_type), intent(in) :: bases
         !> Limit of the sum of squared sines, a bound of the increase of the contraction due to the rotation of the chart.
         real(wp), parameter :: most = 0.1_wp
 
         is_near = .true.
         if (.not. self%carry%is_carried) return
-        call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+        call self%set_carry(bases)
         is_near = abs(self%nv - sum(self%carry%v*transpose(self%carry%back_v))) <= most .and. &
             abs(self%nw - sum(self%carry%w*transpose(self%carry%back_w))) <= most
     end function is_near
@@ -415,12 +416,11 @@ contains
     !> The residual of a stage at the current point, left in `rhs`. The stage's rates are ambient: their coordinates vd = V' rate_q
     !> and wd = W' rate_qd are corrected, and the parts that the chart ignores are copied from qd and qdd, which makes the rates
     !> good start values for other stages, on other charts too.
-    subroutine find_residual(self, terms, velocity_basis, v_basis, v_dual, x_basis, w_basis, w_dual, qd, rate_q, rate_qd, &
-        change_q, iterate)
+    subroutine find_residual(self, terms, velocity_basis, bases, qd, rate_q, rate_qd, change_q, iterate)
         class(stage_type), intent(inout) :: self
         type(terms_type), intent(in) :: terms
         type(velocity_basis_type), intent(inout) :: velocity_basis
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), x_basis(:, :), w_basis(:, :), w_dual(:, :)
+        type(bases_type), intent(in) :: bases
         real(wp), intent(in), contiguous :: qd(:)
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
         !> Work space (n).
@@ -432,46 +432,47 @@ contains
             ! -r1 = V' (qd - rate_q), and the ambient rate with that vd and the rest of qd is qd - V (-r1).
             change_q = qd - rate_q
             self%rhs = 0.0_wp
-            call add_transposed_product(v_dual, change_q, 1.0_wp, self%rhs(:nv))
+            call add_transposed_product(bases%v_dual, change_q, 1.0_wp, self%rhs(:nv))
             rate_q = qd
-            call add_product(v_basis, self%rhs(:nv), -1.0_wp, rate_q)
+            call add_product(bases%v, self%rhs(:nv), -1.0_wp, rate_q)
             ! qdd = D wd - R gamma = W wd - R (C W wd + gamma) and -r2 = D' (S + Q_A - M qdd).
-            call add_transposed_product(w_dual, rate_qd, 1.0_wp, self%rhs(nv + 1:))
+            call add_transposed_product(bases%w_dual, rate_qd, 1.0_wp, self%rhs(nv + 1:))
             rate_qd = 0.0_wp
-            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, rate_qd)
+            call add_product(bases%w, self%rhs(nv + 1:), 1.0_wp, rate_qd)
             if (present(iterate)) then
-                call iterate%correct_acceleration(terms%jacobian, terms%gamma, x_basis, rate_qd)
+                call iterate%correct_acceleration(terms%jacobian, terms%gamma, bases%x, rate_qd)
             else
                 self%defect = terms%gamma
                 call add_product(terms%jacobian, rate_qd, 1.0_wp, self%defect)
-                call velocity_basis%subtract_right_inverse(x_basis, self%defect, rate_qd)
+                call velocity_basis%subtract_right_inverse(bases%x, self%defect, rate_qd)
             end if
             self%force = terms%force
             call add_product(terms%mass, rate_qd, -1.0_wp, self%force)
             if (present(iterate)) then
-                call iterate%remove_reaction(terms%jacobian, x_basis, self%force)
+                call iterate%remove_reaction(terms%jacobian, bases%x, self%force)
             else
-                call velocity_basis%subtract_reaction(terms%jacobian, x_basis, self%force)
+                call velocity_basis%subtract_reaction(terms%jacobian, bases%x, self%force)
             end if
             self%rhs(nv + 1:) = 0.0_wp
-            call add_transposed_product(w_basis, self%force, 1.0_wp, self%rhs(nv + 1:))
+            call add_transposed_product(bases%w, self%force, 1.0_wp, self%rhs(nv + 1:))
         end associate
     end subroutine find_residual
 
     !> Add a correction of vd and wd to rates.
-    subroutine move_rates(self, v_basis, w_basis, correction, rate_q, rate_qd, change_q, change_qd)
+    subroutine move_rates(self, bases, correction, rate_q, rate_qd, change_q, change_qd)
         class(stage_type), intent(in) :: self
         !> V (n, nv) and W (n, nw), the correction (nv + nw).
-        real(wp), intent(in), contiguous :: v_basis(:, :), w_basis(:, :), correction(:)
+        type(bases_type), intent(in) :: bases
+        real(wp), intent(in), contiguous :: correction(:)
         real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
         !> Changes of the rates (n).
         real(wp), intent(out), contiguous :: change_q(:), change_qd(:)
 
         associate (nv => self%nv)
             change_q = 0.0_wp
-            call add_product(v_basis, correction(:nv), 1.0_wp, change_q)
+            call add_product(bases%v, correction(:nv), 1.0_wp, change_q)
             change_qd = 0.0_wp
-            call add_product(w_basis, correction(nv + 1:nv + self%nw), 1.0_wp, change_qd)
+            call add_product(bases%w, correction(nv + 1:nv + self%nw), 1.0_wp, change_qd)
             rate_q = rate_q + change_q
             rate_qd = rate_qd + change_qd
         end associate
@@ -487,19 +488,19 @@ contains
 
     !> Filter errors (e_q, e_qd) by the factored matrix: right sides V' e_q and D' M D W' e_qd. If Newton's iteration with an old
     !> matrix contracts by theta, the filtered error differs from that of the exact matrix by at most a part theta/(1 - theta).
-    subroutine filter(self, v_basis, v_dual, w_basis, w_dual, error_q, error_qd)
+    subroutine filter(self, bases, error_q, error_qd)
         class(stage_type), intent(inout) :: self
         !> V and its dual (n, nv), W and its dual (n, nw).
-        real(wp), intent(in), contiguous :: v_basis(:, :), v_dual(:, :), w_basis(:, :), w_dual(:, :)
+        type(bases_type), intent(in) :: bases
         real(wp), intent(inout), contiguous :: error_q(:), error_qd(:)
 
         associate (nv => self%nv, w => self%force(:self%nw), carried => self%carry%rhs(:self%nw))
             self%rhs = 0.0_wp
-            call add_transposed_product(v_dual, error_q, 1.0_wp, self%rhs(:nv))
+            call add_transposed_product(bases%v_dual, error_q, 1.0_wp, self%rhs(:nv))
             w = 0.0_wp
-            call add_transposed_product(w_dual, error_qd, 1.0_wp, w)
+            call add_transposed_product(bases%w_dual, error_qd, 1.0_wp, w)
             if (self%carry%is_carried) then
-                call self%set_carry(v_basis, v_dual, w_basis, w_dual)
+                call self%set_carry(bases)
                 carried = 0.0_wp
                 call add_product(self%carry%w, w, 1.0_wp, carried)
                 w = 0.0_wp
@@ -508,11 +509,11 @@ contains
             else
                 call add_product(self%origin_mass, w, 1.0_wp, self%rhs(nv + 1:))
             end if
-            call self%solve(v_basis, v_dual, w_basis, w_dual)
+            call self%solve(bases)
             error_q = 0.0_wp
-            call add_product(v_basis, self%rhs(:nv), 1.0_wp, error_q)
+            call add_product(bases%v, self%rhs(:nv), 1.0_wp, error_q)
             error_qd = 0.0_wp
-            call add_product(w_basis, self%rhs(nv + 1:), 1.0_wp, error_qd)
+            call add_product(bases%w, self%rhs(nv + 1:), 1.0_wp, error_qd)
         end associate
     end subroutine filter
 

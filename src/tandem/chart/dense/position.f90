@@ -10,14 +10,13 @@ module tandem_chart_dense_position
     use tandem_linalg_elimination, only: largest_small
     use tandem_linalg_kernels, only: add, add_product, copy
     use tandem_linalg_lu, only: lu_type
-    use tandem_linalg_products, only: multiply_first
+    use tandem_linalg_products, only: invert_definite, multiply_first
     use tandem_model_evaluator, only: evaluator_type
     use tandem_pack, only: pack_type
     use tandem_status, only: status_chart_left, status_not_finite, status_ok, status_position_diverged
     use tandem_model_counts, only: counts_type
-    use tandem_linalg_null_space_large, only: invert_large_gram
-    use tandem_linalg_gram, only: find_rounding, invert_gram, multiply_columns, multiply_rows, refine_inverse, &
-        set_row_weight
+    use tandem_linalg_gram, only: invert_gram, multiply_columns, multiply_rows, refine_inverse, set_directions, set_row_weight, &
+        smallest_gram_pivot, subtract_columns
     use tandem_linalg_refinement, only: refinement_type
     implicit none (type, external)
     private
@@ -73,9 +72,9 @@ module tandem_chart_dense_position
         !> Prediction of stages.
         type(prediction_type), private :: prediction
         !> B of a chart without basis (width, width), width is nh padded: the stored inverse of a Gram matrix at its origin, later
-        !> updated by other points and corrections if `has_learnt`; the last Phi and the first u of an iteration (width); true if B
-        !> is in use; work space.
-        real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), product(:, :), residual(:, :), last_phi(:), first_u(:)
+        !> updated by other points and corrections if `has_learnt`; the last Phi with its change (width, 2) and the first u of an
+        !> iteration (width); true if B is in use; work space.
+        real(wp), allocatable, private :: gram(:, :), origin_gram(:, :), product(:, :), residual(:, :), last_phi(:, :), first_u(:)
         logical, private :: has_learnt = .false.
         integer, private :: width = 0
         logical, private :: has_gram = .false.
@@ -122,12 +121,12 @@ module tandem_chart_dense_position
         end subroutine place
 
         !> u := u + B Phi, see `correct_of`.
-        pure module subroutine correct(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+        pure module subroutine correct(width, nh, phi, weight, learns, last_phi, b, u, w)
             implicit none (type, external)
             integer, intent(in) :: width, nh
             real(wp), intent(in) :: phi(nh), weight(width)
             logical, intent(in) :: learns
-            real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
+            real(wp), intent(inout) :: last_phi(width, 2), b(width, width), u(width), w(width)
         end subroutine correct
 
         !> The error of a Phi (nh) on the natural scale of its rows, not finite if Phi is not; `failed_row` is the worst one.
@@ -161,7 +160,7 @@ contains
         call allocate_aligned(self%correction, self%width)
         call allocate_aligned(self%z, self%width)
         self%has_gram = .false.
-        self%last_phi = self%u
+        self%last_phi = spread(self%u, 2, 2)
         self%first_u = self%u
         self%prediction%u_start = self%u
         self%prediction%curvature = self%u
@@ -217,11 +216,12 @@ contains
         can = .true.
         self%u = 0.0_wp
         if (self%nh == 0) return
+        call set_directions(self%nh, matrix, magnitude, scale, self%u_basis, self%weight)
         if (self%nh > largest_small) then
-            call invert_large_gram(self%nh, matrix, magnitude, scale, self%u_basis, self%gram, self%weight, self%z, can)
+            call multiply_first(self%nh, matrix, self%u_basis, self%gram)
+            call invert_definite(self%nh, smallest_gram_pivot, self%gram, self%z, can)
         else
-            call invert_gram(self%n, self%nh, height, self%width, matrix, magnitude, scale, self%u_basis, self%gram, self%weight, &
-                self%correction, self%z, can)
+            call invert_gram(self%nh, matrix, self%u_basis, self%gram, self%correction, self%z, can)
         end if
         self%has_gram = can
         self%b_time = t
@@ -275,8 +275,7 @@ contains
 
         if (self%n_taken < many .or. .not. (self%has_gram .and. self%predicts)) return
         counts%b_corrections = counts%b_corrections + 1
-        call refine_inverse(self%n, self%nh, height, self%width, matrix, self%u_basis, self%weight, self%gram, self%product, &
-            self%residual, rest, can)
+        call refine_inverse(self%nh, matrix, self%u_basis, self%weight, self%gram, self%product, self%residual, rest, can)
         if (.not. can) return
         self%has_learnt = .true.
         self%b_time = t
@@ -407,8 +406,17 @@ contains
         real(wp), intent(out), contiguous :: left(:)
         !> True if the remainder is no more than rounding.
         logical, intent(out) :: is_rounding
+        real(wp), parameter :: most = 8*epsilon(1.0_wp)
+        integer :: i
 
-        call find_rounding(self%n, self%width, self%u_basis, self%u, origin, increment, q, scale, left, is_rounding)
+        do i = 1, self%n
+            left(i) = increment(i) - (q(i) - origin(i))
+        end do
+        call subtract_columns(self%n, self%width, self%u_basis, self%u, left)
+        is_rounding = .true.
+        do i = 1, self%n
+            is_rounding = is_rounding .and. abs(left(i)) <= most*(abs(q(i)) + abs(increment(i)) + scale(i))
+        end do
     end subroutine find_remainder
 
     !> True if an error satisfies the tolerance of the iteration.

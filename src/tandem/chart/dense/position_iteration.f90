@@ -97,7 +97,7 @@ contains
                 learns = error < slow*last_error .and. last_error > noise .and. last_error < unknown
                 self%has_learnt = self%has_learnt .or. learns
                 call correct_of(width, self%nh, model%terms%phi, self%weight, learns, self%last_phi, self%gram, self%u, &
-                    self%correction, self%z)
+                    self%correction)
             else if (self%refines) then
                 call add_product(self%b%inverse, model%terms%phi, 1.0_wp, self%u(:self%nh))
             else
@@ -245,20 +245,20 @@ contains
     !> u := u + B Phi. With `learns`, B first satisfies the secant condition of the last correction, which has changed Phi by -y:
     !> B := B + w z'/(z'y) with w = B Phi and weighted z = y, which makes it independent of the units of rows (C. G. Broyden,
     !> Math. Comp. 19 (1965) 577-593, his second method). One vector suffices, because w only becomes longer.
-    pure subroutine correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+    pure subroutine correct_of(width, nh, phi, weight, learns, last_phi, b, u, w)
         integer, intent(in), value :: width
         integer, intent(in) :: nh
         real(wp), intent(in) :: phi(nh), weight(width)
         logical, intent(in) :: learns
-        !> Phi before the last correction, then this one; B; u; work space.
-        real(wp), intent(inout) :: last_phi(width), b(width, width), u(width), w(width), z(width)
+        !> Phi before the last correction, then this one, and its change; B; u; work space.
+        real(wp), intent(inout) :: last_phi(width, 2), b(width, width), u(width), w(width)
         real(wp) :: along, f, square, y
         integer :: i, j, s
 
         ! Zeros are written in halves of a register, and a load of the whole register would wait for them: start with a column.
         f = phi(1)
-        z(1) = last_phi(1) - f
-        last_phi(1) = f
+        last_phi(1, 2) = last_phi(1, 1) - f
+        last_phi(1, 1) = f
         do s = 0, width - short, short
             !GCC$ UNROLL 1
             do i = 1, short
@@ -269,8 +269,8 @@ contains
         !GCC$ UNROLL 1
         do j = 2, nh
             f = phi(j)
-            z(j) = last_phi(j) - f
-            last_phi(j) = f
+            last_phi(j, 2) = last_phi(j, 1) - f
+            last_phi(j, 1) = f
             do s = 0, width - short, short
                 !GCC$ UNROLL 1
                 do i = 1, short
@@ -285,16 +285,16 @@ contains
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
             do j = 1, nh
-                y = z(j)
-                z(j) = y*weight(j)**2
-                along = along + z(j)*phi(j)
-                square = square + z(j)*y
+                y = last_phi(j, 2)
+                last_phi(j, 2) = y*weight(j)**2
+                along = along + last_phi(j, 2)*phi(j)
+                square = square + last_phi(j, 2)*y
             end do
             square = 1.0_wp/square
             !GCC$ NOVECTOR
             !GCC$ UNROLL 1
             do j = 1, nh
-                y = z(j)*square
+                y = last_phi(j, 2)*square
                 do s = 0, width - short, short
                     !GCC$ UNROLL 1
                     do i = 1, short
@@ -317,7 +317,7 @@ contains
     end procedure place
 
     module procedure correct
-        call correct_of(width, nh, phi, weight, learns, last_phi, b, u, w, z)
+        call correct_of(width, nh, phi, weight, learns, last_phi, b, u, w)
     end procedure correct
 
     module procedure judge

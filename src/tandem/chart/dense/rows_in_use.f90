@@ -15,11 +15,14 @@ module tandem_chart_dense_rows_in_use
     type :: rows_in_use_type
         !> The numbers of the dropped rows in the model; unallocated if all are in use.
         integer, allocatable :: dropped(:)
-        !> The derivatives, gamma and the multipliers of all rows.
-        type(derivatives_type), private :: derivatives
-        real(wp), allocatable, private :: gamma(:), lambda(:)
+        !> The derivatives and the multipliers of all rows.
+        type(derivatives_type) :: derivatives
+        real(wp), allocatable :: lambda(:)
+        !> gamma of all rows; the rows in use.
+        real(wp), allocatable, private :: gamma(:)
+        integer, allocatable, private :: kept(:)
     contains
-        procedure :: choose, evaluate_gamma, evaluate_derivatives
+        procedure :: choose, evaluate_gamma, expand, take
     end type rows_in_use_type
 
 contains
@@ -35,6 +38,7 @@ contains
         integer :: i
 
         self%dropped = pack([(i, i=1, m)], [(all(kept /= i), i=1, m)])
+        self%kept = kept
         self%gamma = spread(0.0_wp, 1, m)
         self%lambda = self%gamma
         if (wants_derivatives) call self%derivatives%allocate(n, m)
@@ -59,31 +63,26 @@ contains
         end if
     end subroutine evaluate_gamma
 
-    !> The derivatives of the rows in use, whose multipliers are given (m).
-    subroutine evaluate_derivatives(self, differences, kept, t, q, qd, qdd, lambda, derivatives, counts, stat)
+    !> The multipliers of all rows from those of the rows in use.
+    pure subroutine expand(self, lambda)
         class(rows_in_use_type), intent(inout) :: self
-        type(differences_type), intent(inout) :: differences
-        !> The rows in use, if some were dropped.
-        integer, intent(in), allocatable :: kept(:)
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:), qd(:), qdd(:), lambda(:)
-        type(derivatives_type), intent(inout) :: derivatives
-        type(counts_type), intent(inout) :: counts
-        integer, intent(out) :: stat
+        real(wp), intent(in) :: lambda(:)
 
-        if (.not. allocated(self%dropped)) then
-            call differences%evaluate_derivatives(t, q, qd, qdd, lambda, derivatives, counts, stat)
-            return
-        end if
         self%lambda = 0.0_wp
-        self%lambda(kept) = lambda
-        call differences%evaluate_derivatives(t, q, qd, qdd, self%lambda, self%derivatives, counts, stat)
-        associate (all_rows => self%derivatives)
+        self%lambda(self%kept) = lambda
+    end subroutine expand
+
+    !> The derivatives of the rows in use from those of all rows.
+    pure subroutine take(self, derivatives)
+        class(rows_in_use_type), intent(in) :: self
+        type(derivatives_type), intent(inout) :: derivatives
+
+        associate (all_rows => self%derivatives, kept => self%kept)
             derivatives%velocity_q = all_rows%velocity_q(kept, :)
             derivatives%acceleration_q = all_rows%acceleration_q(kept, :)
             derivatives%acceleration_qd = all_rows%acceleration_qd(kept, :)
             derivatives%dynamics_q = all_rows%dynamics_q
             derivatives%dynamics_qd = all_rows%dynamics_qd
         end associate
-    end subroutine evaluate_derivatives
+    end subroutine take
 end module tandem_chart_dense_rows_in_use

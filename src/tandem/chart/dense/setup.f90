@@ -154,9 +154,9 @@ contains
             self%start%orientation = self%velocity_basis%orientation
             self%start%independence = self%velocity_basis%independence
             if (self%mode%keeps_momentum) then
-                call self%free_motion%set_origin(self%model%n_blocks, self%model%blocks, self%model%terms%mass)
+                call self%free_motion%set_origin(self%model%blocks(:2*self%model%n_blocks), self%model%terms%mass)
             else
-                call self%free_motion%set_origin(0, self%model%blocks)
+                call self%free_motion%set_origin(self%model%blocks(:0))
             end if
         end if
     end procedure make_origin

@@ -90,28 +90,28 @@ contains
     end subroutine allocate_stages
 
     !> The point and the residual of an iterate of a stage. An iterate meets the tolerances of stages: the next correction moves it.
-    subroutine do_find_residual(self, goal, t, dq, dqd, q, qd, rate_q, rate_qd, residual, stat)
+    subroutine do_find_residual(self, goal, t, increment, q, qd, rate, residual, stat)
         class(sparse_coupled_type), intent(inout) :: self
         type(goal_type), intent(in) :: goal
         real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: dq(:), dqd(:)
-        real(wp), intent(inout), contiguous :: q(:), qd(:), rate_q(:), rate_qd(:), residual(:)
+        real(wp), intent(in), contiguous :: increment(:, :)
+        real(wp), intent(inout), contiguous :: q(:), qd(:), rate(:, :), residual(:)
         integer, intent(out) :: stat
         type(goal_type) :: point
 
         point = goal
         if (.not. goal%is_first) point%defect = huge(1.0_wp)
         self%iterate_tolerance = goal%tolerance
-        if (.not. self%is_alone()) call self%begin_iterate(goal, dq, dqd, q, rate_q)
-        call self%restore_position(t, dq, point, q, stat)
-        if (stat == status_ok) call self%restore_velocity(t, q, dqd, point, qd, stat)
+        if (.not. self%is_alone()) call self%begin_iterate(goal, increment(:, 1), increment(:, 2), q, rate(:, 1))
+        call self%restore_position(t, increment(:, 1), point, q, stat)
+        if (stat == status_ok) call self%restore_velocity(t, q, increment(:, 2), point, qd, stat)
         self%loose_position = 0.0_wp
         self%loose_velocity = 0.0_wp
         if (.not. self%is_alone() .and. stat == status_ok) then
             self%delta_of(:, goal%stage) = self%delta
             self%delta_rate_of(:, goal%stage) = self%delta_rate
         end if
-        if (stat == status_ok) call find_residual_at(self, goal%stage, t, q, qd, rate_q, rate_qd, residual, stat)
+        if (stat == status_ok) call find_residual_at(self, goal%stage, t, q, qd, rate(:, 1), rate(:, 2), residual, stat)
     end subroutine do_find_residual
 
     !> Start the restoration of an iterate of a stage: at the first one from the predicted coordinates, later from the last iterate
@@ -396,13 +396,13 @@ contains
     end subroutine do_solve_pair
 
     !> Add a correction to a stage's rates and multipliers.
-    subroutine do_update(self, stage, q, qd, ha, correction, rate_q, rate_qd, change, stat)
+    subroutine do_update(self, stage, q, qd, ha, correction, rate, change, stat)
         class(sparse_coupled_type), intent(inout) :: self
         integer, intent(in) :: stage
         real(wp), intent(in), contiguous :: q(:), qd(:)
         real(wp), intent(in) :: ha
         real(wp), intent(in), contiguous :: correction(:)
-        real(wp), intent(inout), contiguous :: rate_q(:), rate_qd(:)
+        real(wp), intent(inout), contiguous :: rate(:, :)
         real(wp), intent(out) :: change
         integer, intent(out) :: stat
         integer :: j
@@ -413,8 +413,8 @@ contains
             do j = 1, n
                 change = max(change, abs(ha*correction(j))/max(abs(q(j)), self%scale(j)), &
                     abs(ha*correction(n + j))/max(abs(qd(j)), self%system%rate*self%scale(j)))
-                rate_q(j) = rate_q(j) + correction(j)
-                rate_qd(j) = rate_qd(j) + correction(n + j)
+                rate(j, 1) = rate(j, 1) + correction(j)
+                rate(j, 2) = rate(j, 2) + correction(n + j)
             end do
             if (self%is_alone()) then
                 self%lambda(:) = self%lambda + correction(2*n + 1:2*n + m)
@@ -423,7 +423,7 @@ contains
                 self%change = max(self%change, change)
             end if
         end associate
-        if (.not. sum(abs(rate_qd)) + sum(abs(rate_q)) <= huge(1.0_wp)) then
+        if (.not. sum(abs(rate(:, 2))) + sum(abs(rate(:, 1))) <= huge(1.0_wp)) then
             stat = status_not_finite
             call self%system%name_infinite(stat)
             self%failure%term = trim(self%system%model%failed_term)

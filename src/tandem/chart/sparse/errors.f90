@@ -49,22 +49,19 @@ contains
             if (a%is_body(n)) cycle
             associate (s => a%node(2, n), origin => a%node(4, n), links => a%node_start(n + 1) - a%node_start(n), &
                 from => a%node_start(n), n_place => n_of_place(a%joint_of_node(n)))
+                call start_sums(s, terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
                 if (a%joint_of_node(n) == of_hinges) then
-                    call add_hinge(links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, terms%nu(origin:origin + 4), &
-                        terms%gamma(origin:origin + 4), sums)
+                    call add_hinge(links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, sums)
                     call take(origin, 5)
                     cycle
                 end if
                 select case (s)
                 case (5)
-                    call add_node(5, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, &
-                        terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
+                    call add_node(5, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, sums)
                 case (2)
-                    call add_node(2, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, &
-                        terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
+                    call add_node(2, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, sums)
                 case default
-                    call add_node(s, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, &
-                        terms%nu(origin:origin + s - 1), terms%gamma(origin:origin + s - 1), sums)
+                    call add_node(s, n_place, links, a%node_link(1, from), factor%c, q, qd, qdd, scale, rate, sums)
                 end select
                 call take(origin, s)
             end associate
@@ -74,8 +71,9 @@ contains
             ! The norm of Euler parameters does not depend on the position.
             associate (row => a%own_row(b), from => a%first(b) + merge(3, 0, a%joints_of_body(b) == of_hinges), &
                 to => a%first(b + 1) - 1)
-                call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), rate, &
-                    terms%nu(row), terms%gamma(row), sums)
+                call start_sums(1, terms%nu(row:row), terms%gamma(row:row), sums)
+                call add_owned(to - from + 1, factor%own(from:to), q(from:to), qd(from:to), qdd(from:to), scale(from:to), &
+                    rate, sums)
                 call take(row, 1)
             end associate
         end do
@@ -291,22 +289,38 @@ contains
         worst_row = row
     end subroutine compare
 
+    !> Start the sums of rows by the terms that do not depend on velocities and accelerations.
+    pure subroutine start_sums(s, nu, gamma, sums)
+        integer, intent(in) :: s
+        real(wp), intent(in) :: nu(s), gamma(s)
+        type(sums_type), intent(inout) :: sums
+        integer :: i
+
+        do i = 1, s
+            sums%residual(i, 1) = -nu(i)
+            sums%residual(i, 2) = gamma(i)
+            sums%scale(i, 1) = 0.0_wp
+            sums%scale(i, 2) = abs(nu(i))
+            sums%scale(i, 3) = abs(gamma(i))
+        end do
+    end subroutine start_sums
+
     !> The sums of the rows of a node.
-    pure subroutine add_node(s, n_place, n_links, node_link, c, q, qd, qdd, scale, rate, nu, gamma, sums)
+    pure subroutine add_node(s, n_place, n_links, node_link, c, q, qd, qdd, scale, rate, sums)
         integer, intent(in), value :: s, n_place, n_links
         integer, intent(in) :: node_link(4, n_links)
-        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), rate, nu(s), gamma(s)
+        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), rate
         type(sums_type), intent(inout) :: sums
         real(wp) :: entry, x(3)
         real(wp), dimension(most) :: velocity, acceleration, of_q, of_qd, of_qdd
         integer :: i, j, k, l
 
         do i = 1, s
-            velocity(i) = -nu(i)
-            acceleration(i) = gamma(i)
+            velocity(i) = sums%residual(i, 1)
+            acceleration(i) = sums%residual(i, 2)
             of_q(i) = 0.0_wp
-            of_qd(i) = abs(nu(i))
-            of_qdd(i) = abs(gamma(i))
+            of_qd(i) = sums%scale(i, 2)
+            of_qdd(i) = sums%scale(i, 3)
         end do
         do l = 1, n_links
             k = node_link(3, l)
@@ -343,10 +357,10 @@ contains
     end subroutine add_node
 
     !> The sums of a hinge, like `add_velocity_of_hinge`.
-    pure subroutine add_hinge(n_links, node_link, c, q, qd, qdd, scale, rate, nu, gamma, sums)
+    pure subroutine add_hinge(n_links, node_link, c, q, qd, qdd, scale, rate, sums)
         integer, intent(in), value :: n_links
         integer, intent(in) :: node_link(4, n_links)
-        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), rate, nu(5), gamma(5)
+        real(wp), intent(in) :: c(*), q(*), qd(*), qdd(*), scale(*), rate
         type(sums_type), intent(inout) :: sums
         real(wp), dimension(4) :: velocity, acceleration, of_q, of_qd, of_qdd, sign
         real(wp) :: entry, last(5), x(4, 3)
@@ -355,13 +369,13 @@ contains
         sign(4) = 0.0_wp
         !GCC$ UNROLL 1
         do i = 1, 4
-            velocity(i) = -nu(i)
-            acceleration(i) = gamma(i)
+            velocity(i) = sums%residual(i, 1)
+            acceleration(i) = sums%residual(i, 2)
             of_q(i) = 0.0_wp
-            of_qd(i) = abs(nu(i))
-            of_qdd(i) = abs(gamma(i))
+            of_qd(i) = sums%scale(i, 2)
+            of_qdd(i) = sums%scale(i, 3)
         end do
-        last = [-nu(5), gamma(5), 0.0_wp, abs(nu(5)), abs(gamma(5))]
+        last = [sums%residual(5, :), sums%scale(5, :)]
         do l = 1, n_links
             associate (first => node_link(1, l), k => node_link(3, l) + 15)
                 sign(1:3) = real(node_link(4, l), wp)
@@ -411,15 +425,15 @@ contains
     end subroutine add_hinge
 
     !> The sums of a row that a body owns.
-    pure subroutine add_owned(nb, own, q, qd, qdd, scale, rate, nu, gamma, sums)
+    pure subroutine add_owned(nb, own, q, qd, qdd, scale, rate, sums)
         integer, intent(in) :: nb
-        real(wp), intent(in) :: own(nb), q(nb), qd(nb), qdd(nb), scale(nb), rate, nu, gamma
+        real(wp), intent(in) :: own(nb), q(nb), qd(nb), qdd(nb), scale(nb), rate
         type(sums_type), intent(inout) :: sums
         real(wp) :: entry, residual(2), terms(3)
         integer :: j
 
-        residual = [-nu, gamma]
-        terms = [0.0_wp, abs(nu), abs(gamma)]
+        residual = sums%residual(1, :)
+        terms = sums%scale(1, :)
         do j = 1, nb
             entry = own(j)
             residual(1) = residual(1) + entry*qd(j)

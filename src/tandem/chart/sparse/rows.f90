@@ -25,8 +25,7 @@ contains
         integer :: b, j, start
 
         call move_alloc(blocks, self%c)
-        if (.not. pattern%all_in_blocks) call take_rows(a%n_bodies, a%n, a%m, size(a%link, 2), size(jacobian, 2), a%first, &
-            a%joints_of_body, a%link_start, a%link, pattern%column, jacobian, self%c, pattern%in_blocks)
+        if (.not. pattern%all_in_blocks) call take_rows(a, pattern, jacobian, self%c)
         ! In one pass if the model sets all rows in blocks, except for hubs.
         if (pattern%all_in_blocks) call take_owned(a%n, self%c(a%n_entries + read_behind + 1), self%own)
         if (.not. pattern%all_in_blocks .or. size(self%added) > 0) then
@@ -60,50 +59,49 @@ contains
     end subroutine take_owned
 
     !> Copy the rows of the nodes by links, except for those already set.
-    pure subroutine take_rows(n_bodies, n, m, n_links, width, first, joints, link_start, link, column, jacobian, c, in_blocks)
-        integer, intent(in) :: n_bodies, n, m, n_links, width, first(n_bodies + 1), joints(n_bodies), link_start(n_bodies + 1), &
-            link(6, n_links), column(n)
-        real(wp), intent(in) :: jacobian(m, width)
+    pure subroutine take_rows(a, pattern, jacobian, c)
+        type(analysis_type), intent(in) :: a
+        type(pattern_type), intent(in) :: pattern
+        real(wp), intent(in), contiguous :: jacobian(:, :)
         real(wp), intent(inout) :: c(*)
-        logical, intent(in), optional :: in_blocks(m)
         integer :: b, from, i, j, k, l, row
 
-        do b = 1, n_bodies
-            from = first(b) + n_of_place(joints(b))
-            do l = link_start(b), link_start(b + 1) - 1
-                k = link(3, l) + link(2, l)*n_of_place(joints(b))
-                row = link(4, l)
-                if (present(in_blocks)) then
-                    if (in_blocks(row)) cycle
+        do b = 1, a%n_bodies
+            from = a%first(b) + n_of_place(a%joints_of_body(b))
+            do l = a%link_start(b), a%link_start(b + 1) - 1
+                k = a%link(3, l) + a%link(2, l)*n_of_place(a%joints_of_body(b))
+                row = a%link(4, l)
+                if (allocated(pattern%in_blocks)) then
+                    if (pattern%in_blocks(row)) cycle
                 end if
                 ! A copy of variable length would be a call.
-                select case (link(2, l))
+                select case (a%link(2, l))
                 case (5)
-                    do j = from, first(b + 1) - 1
+                    do j = from, a%first(b + 1) - 1
                         do i = 0, 4
-                            c(k + 1 + i) = jacobian(row + i, column(j))
+                            c(k + 1 + i) = jacobian(row + i, pattern%column(j))
                         end do
                         k = k + 5
                     end do
                 case (3)
-                    do j = from, first(b + 1) - 1
+                    do j = from, a%first(b + 1) - 1
                         do i = 0, 2
-                            c(k + 1 + i) = jacobian(row + i, column(j))
+                            c(k + 1 + i) = jacobian(row + i, pattern%column(j))
                         end do
                         k = k + 3
                     end do
                 case (2)
-                    do j = from, first(b + 1) - 1
-                        c(k + 1) = jacobian(row, column(j))
-                        c(k + 2) = jacobian(row + 1, column(j))
+                    do j = from, a%first(b + 1) - 1
+                        c(k + 1) = jacobian(row, pattern%column(j))
+                        c(k + 2) = jacobian(row + 1, pattern%column(j))
                         k = k + 2
                     end do
                 case default
-                    do j = from, first(b + 1) - 1
-                        do i = 1, link(2, l)
-                            c(k + i) = jacobian(row + i - 1, column(j))
+                    do j = from, a%first(b + 1) - 1
+                        do i = 1, a%link(2, l)
+                            c(k + i) = jacobian(row + i - 1, pattern%column(j))
                         end do
-                        k = k + link(2, l)
+                        k = k + a%link(2, l)
                     end do
                 end select
             end do

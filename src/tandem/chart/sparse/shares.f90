@@ -41,8 +41,8 @@ contains
                         self%c, self%y, self%blocks)
                     cycle
                 end if
-                call add_links(a%kind(b), nb, last - from + 1, a%block_first(f), size(self%w, 1), self%w(1, f), a%link(1, from), &
-                    a%target%pair(d + 1), self%c, self%y, self%blocks)
+                call add_links(a%kind(b), nb, a%block_first(f), self%w(:, f:), a%link(:, from:last), a%target%pair(d + 1), self%c, &
+                    self%y, self%blocks)
                 if (a%norm_row(b) == 0) cycle
                 do l = from, last
                     do i = 1, most_rows
@@ -173,18 +173,21 @@ contains
     end subroutine put_kept_rows
 
     !> Subtract C W C' of the links of a body from the blocks of their nodes.
-    pure subroutine add_links(kind, nb, n_links, block_first, ldw, w, link, pair_target, c, y, blocks)
-        integer, intent(in), value :: kind, nb, n_links, ldw
-        !> The first coordinates of the blocks of the body's M, W, its links, the targets of the products.
-        integer, intent(in) :: block_first(nb), link(6, n_links), pair_target(*)
-        real(wp), intent(in) :: w(ldw, nb), c(*)
+    pure subroutine add_links(kind, nb, block_first, w, link, pair_target, c, y, blocks)
+        integer, intent(in), value :: kind, nb
+        !> The first coordinates of the blocks of the body's M, its links (6, any), the targets of the products.
+        integer, intent(in), contiguous :: link(:, :)
+        integer, intent(in) :: block_first(nb), pair_target(*)
+        !> W, at least the body's columns.
+        real(wp), intent(in), contiguous :: w(:, :)
+        real(wp), intent(in) :: c(*)
         real(wp), intent(inout) :: y(*), blocks(*)
         integer :: d, k, l
 
         d = 0
-        do l = 1, n_links
+        do l = 1, size(link, 2)
             associate (place => link(1, l), s => link(2, l), offset => link(3, l), moved => link(5, l))
-                call apply_inverse(kind, s, nb, block_first, block_first(1), ldw, w, c(offset + 1), y(moved + 1))
+                call apply_inverse(kind, s, nb, block_first, block_first(1), size(w, 1), w, c(offset + 1), y(moved + 1))
                 do k = 1, l
                     d = d + 1
                     ! The later node has the rows of the block.
