@@ -2,7 +2,7 @@
 !> Builder procedures for joints and distances.
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_joints
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_displacement
+    use tandem_mechanism_coordinate, only: is_angle, is_displacement, slide_coordinate
     use tandem_mechanism_coupling, only: max_coupled
     use tandem_mechanism_formula, only: is_place, is_spin, is_time, is_turn, is_turn_rate, is_velocity
     use tandem_mechanism_joint, only: find_kind, kind_names, kind_type
@@ -405,9 +405,9 @@ contains
         label = 'coupling '//trim(name)
         call self%check_name(name, label, error)
         if (allocated(error)) return
-        if (size(joints) < 1 .or. size(joints) > max_coupled .or. size(factors) /= size(joints)) then
+        if (size(joints) < 1 .or. size(joints) > max_coupled - 1 .or. size(factors) /= size(joints)) then
             call refuse(label//' has '//to_text(size(joints))//' joints and '//to_text(size(factors))//' factors', &
-                'give 1 to '//to_text(max_coupled)//' of each', error)
+                'give 1 to '//to_text(max_coupled - 1)//' of each', error)
             return
         else if (.not. all(abs(factors) > 0.0_wp .and. ieee_is_finite(factors))) then
             call refuse(label//' has a factor that is zero or not finite', 'correct it, or remove the joint', error)
@@ -417,6 +417,13 @@ contains
             call self%find_coordinate(label, joints(i), numbers(i), error)
             if (allocated(error)) return
         end do
+        if (present(inertia)) then
+            if (present(motion) .or. present(locked) .or. .not. (inertia >= 0.0_wp .and. ieee_is_finite(inertia))) then
+                call refuse(label//' has an inertia that is negative, or with motion or locked', &
+                    'give an inertia >= 0 in kg m^2 or kg, and neither motion nor locked', error)
+                return
+            end if
+        end if
         motion_number = 0
         if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
         call couple(self, name, numbers(:size(joints)), factors, &
@@ -427,8 +434,29 @@ contains
                 coupling%is_locked = locked
             end associate
         end if
+        if (present(inertia)) call free_sum(self, self%couplings(self%n_of%couplings), inertia)
         call self%keep_name(name, of_row, self%n_of%couplings)
     end procedure add_coupling
+
+    !> Make the sum of a coupling a coordinate with an inertia.
+    subroutine free_sum(self, coupling, inertia)
+        class(builder_type), intent(inout) :: self
+        type(coupling_type), intent(inout) :: coupling
+        real(wp), intent(in) :: inertia
+
+        ! `define` numbers the poses of such coordinates, which follow those of all bodies.
+        self%n_of%slides = self%n_of%slides + 1
+        coupling%sum = -self%n_of%slides
+        coupling%inertia = inertia
+        self%n_of%coordinates = self%n_of%coordinates + 1
+        coupling%displacement = self%n_of%coordinates
+        if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, &
+            slide_coordinate(coupling%sum)]
+        self%coordinates(self%n_of%coordinates) = slide_coordinate(coupling%sum)
+        coupling%n = coupling%n + 1
+        coupling%coordinates(coupling%n) = slide_coordinate(coupling%sum)
+        coupling%factors(coupling%n) = -1.0_wp
+    end subroutine free_sum
 
     !> Add the row of a coupling.
     subroutine couple(self, name, numbers, factors, unit, motion)

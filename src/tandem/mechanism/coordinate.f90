@@ -17,7 +17,7 @@ module tandem_mechanism_coordinate
     private
 
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
-    public :: pi, is_displacement, is_distance, is_angle, is_tilt
+    public :: slide_coordinate, pi, is_displacement, is_distance, is_angle, is_tilt
 
     !> The kinds are displacement (one.d, m); distance (m); angle (rad) with the cosine `one` and the sine `other`, in the plane the
     !> difference of two angles; small angle (one - other)/2, the sine of the angle about the third axis if that axis is common.
@@ -47,6 +47,17 @@ module tandem_mechanism_coordinate
     real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
+
+    !> Displacement of a part with one coordinate, which is no body.
+    pure function slide_coordinate(pose) result(coordinate)
+        integer, intent(in) :: pose
+        type(coordinate_type) :: coordinate
+
+        coordinate%second = pose
+        coordinate%one%second = pose
+        coordinate%one%is_point = .true.
+        coordinate%one%a(1) = 1.0_wp
+    end function slide_coordinate
 
     !> Value of the coordinate only.
     pure subroutine measure(self, pose, x)

@@ -18,7 +18,7 @@ module tandem_mechanism_massless_wheel
     implicit none (type, external)
     private
 
-    public :: massless_wheel_type, set_slides, find_place, evaluate_massless_wheels, differentiate_massless_wheels
+    public :: massless_wheel_type, find_place, evaluate_massless_wheels, differentiate_massless_wheels
 
     !> A massless wheel on a body: it touches a plane, does not slip across, spins freely, and may steer and slide on a strut.
     type :: massless_wheel_type
@@ -56,25 +56,6 @@ module tandem_mechanism_massless_wheel
         1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
 
 contains
-
-    !> Set the displacements of wheels, or a derivative of them.
-    pure subroutine set_slides(wheels, k, values, pose)
-        type(massless_wheel_type), intent(in) :: wheels(:)
-        !> Order of the derivative, 0 for the value. Order 1 also sets the second derivative for qdd = 0.
-        integer, intent(in) :: k
-        !> Values of all coordinates.
-        real(wp), intent(in) :: values(:)
-        type(pose_type), intent(inout) :: pose(0:)
-        integer :: i
-
-        do i = 1, size(wheels)
-            if (wheels(i)%slide == 0) cycle
-            associate (slide => pose(wheels(i)%slide))
-                slide%r(1, k) = values(slide%place)
-                if (k == 1) slide%r(1, 2) = 0.0_wp
-            end associate
-        end do
-    end subroutine set_slides
 
     !> Axle in the frame of the body, with its derivatives with respect to time.
     pure subroutine steer_axle(wheel, f, axle)

@@ -12,7 +12,8 @@ module tandem_mechanism_pose
     implicit none (type, external)
     private
 
-    public :: pose_type, turn, turned, set_angle, set_place, set_rates, set_curve, gradient_of, gradient_matrix, second_gradient
+    public :: pose_type, turn, turned, set_angle, set_place, set_slides, set_rates, set_curve, gradient_of, gradient_matrix, &
+        second_gradient
 
     !> Pose of a body; by default that of the ground.
     type :: pose_type
@@ -79,6 +80,21 @@ contains
             same = x <= y .and. x >= y
         end function same
     end subroutine set_place
+
+    !> Set parts with one coordinate, their displacement, or a derivative of it.
+    pure subroutine set_slides(poses, k, values)
+        type(pose_type), intent(inout) :: poses(:)
+        !> Order of the derivative, 0 for the value. Order 1 also sets the second derivative for qdd = 0.
+        integer, intent(in) :: k
+        !> Values of all coordinates.
+        real(wp), intent(in) :: values(:)
+        integer :: i
+
+        do i = 1, size(poses)
+            poses(i)%r(1, k) = values(poses(i)%place)
+            if (k == 1) poses(i)%r(1, 2) = 0.0_wp
+        end do
+    end subroutine set_slides
 
     !> Set first derivatives along qd, and second ones for qdd = 0.
     pure subroutine set_rates(self, qd)

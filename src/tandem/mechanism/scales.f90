@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Scales of a mechanism from its own lengths, so that a mechanism takes the same steps in any units.
 submodule(tandem_mechanism) tandem_mechanism_scales
+    use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_angle, is_tilt, pi
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_point_vector, only: point_vector_type
@@ -32,8 +33,9 @@ contains
         end do
         do i = 1, size(self%couplings)
             associate (it => self%couplings(i))
-                if (it%slack == 0) cycle
                 unit = size_of_sum(self, it)
+                if (it%sum > 0) self%coordinate_scale(self%first(it%sum)) = unit
+                if (it%slack == 0) cycle
                 mass = sum(self%bodies%mass)/size(self%bodies)*(self%size_of_bodies/unit)**2
                 if (.not. (mass > 0.0_wp .and. mass <= huge(1.0_wp))) cycle
                 self%coordinate_scale(it%slack) = unit
@@ -46,6 +48,28 @@ contains
             if (self%bodies(i)%turns) self%coordinate_period(self%first(i) + 2) = 2*pi
         end do
     end procedure set_scales
+
+    module procedure doubt_inertias
+        real(wp), parameter :: rounding = 1.0e-9_wp
+        logical :: is_doubtful(size(self%bodies))
+        character(len=:), allocatable :: others
+        integer :: i, k
+
+        if (self%planar) return
+        do i = 1, size(self%bodies)
+            associate (j => self%bodies(i)%inertia)
+                is_doubtful(i) = 2*max(j(1, 1), j(2, 2), j(3, 3)) > (j(1, 1) + j(2, 2) + j(3, 3))*(1 + rounding)
+            end associate
+        end do
+        k = findloc(is_doubtful, .true., dim=1)
+        if (k == 0) return
+        others = ''
+        if (count(is_doubtful) > 1) others = ' and '//to_text(count(is_doubtful) - 1)//' other bodies'
+        self%doubt = 'body '//trim(self%bodies(k)%name)//others// &
+            merge(' have', ' has ', count(is_doubtful) > 1)
+        self%doubt = trim(self%doubt)//' a moment of inertia that is larger than the sum of the two others, which is '// &
+            'impossible: check the three values'
+    end procedure doubt_inertias
 
     !> About half a period of a pendulum of the typical length. Without gravity, the time in which bodies and their drives move 4
     !> rad, or four lengths, at their rates and accelerations at the start; if these are not larger than rounding of balanced
@@ -80,7 +104,7 @@ contains
         integer :: k
 
         unit = 0.0_wp
-        do k = 1, it%n
+        do k = 1, it%n - merge(1, 0, it%sum > 0)
             unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, any(it%coordinates(k)%kind == [is_angle, is_tilt]))
         end do
     end function size_of_sum
