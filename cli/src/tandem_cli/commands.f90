@@ -59,7 +59,7 @@ module tandem_cli_commands
         'plot result files as PNG, SVG or PDF; requires the Python package'), &
         command_type('view', 'FILE', ' --output --names --frames ', &
         'animation for browsers, .glb or .vtkhdf; requires the Python package'), &
-        command_type('import', 'FILE', ' --output --at --key --floating --limits --balance --strict --verify --force ', &
+        command_type('import', 'FILE...', ' --output --at --key --floating --limits --balance --strict --verify --force ', &
         'convert a robot (URDF, MJCF) to a scene; requires the Python package'), &
         command_type('statuses', '', ' --json ', 'list all statuses of runs with meanings and remedies'), &
         command_type('completion', 'SHELL', ' ', 'print a completion script for bash or zsh'), &

@@ -67,7 +67,7 @@ def measured(text: str, names) -> np.ndarray:
 def of_mjcf(path, states, random):
     model = mjcf.compile_model(path)
     q, v = zip(*(random_state(model, random) for _ in range(states)))
-    imports = [mjcf.Importer(model, "model", "", "none", one, other, looks=False, equalities=False) for one, other in zip(q, v)]
+    imports = [mjcf.Importer(model, "model", "", "stops", one, other, looks=False, equalities=False, stops=False) for one, other in zip(q, v)]
     control = np.zeros(1 + max([-1, *map(int, model.actuator_ctrladr)]))
     found = []
     for made in imports:

@@ -17,13 +17,15 @@ from types import SimpleNamespace
 import numpy as np
 
 from .markup import Budget, InputError, read_bytes
-from .mjcf_actuators import Drives, joined
+from .mjcf_actuators import RIGHT, Drives, joined
 from .robots import CREEP, Body, Link, Losses, Pose, Scene, add, quoted, rotation_of, stop_of, text_of, turned
 
 #: Limits of MuJoCo's compiler in its own process: seconds, and bytes of memory.
 LONGEST = 300
 MEMORY = 16*2**30
 FREE, BALL, SLIDE, HINGE = range(4)
+#: Largest middle angle of a gimbal (rad).
+STEEPEST = 1.5
 SHAPES = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
 OFF = {name: 1 << bit for bit, name in enumerate(("constraint", "equality", "friction", "limit", "contact", "spring", "damper", "gravity", "clamp"))}
 OFF["actuation"] = 1 << 11
@@ -86,13 +88,18 @@ class Joint:
         self.name = str(model.names_joint[k]) or f"joint{k}"
         self.q, self.v = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
         self.pos, self.axis = model.jnt_pos[k], model.jnt_axis[k]
-        self.element, self.parent, self.child = None, None, None
+        self.element, self.parent, self.child, self.rotor = None, None, None, None
+        #: Of its angle in the scene.
+        self.sign = 1
 
 
 class Importer(Drives):
     """Converts a compiled model to a scene."""
 
-    def __init__(self, model, name, source="", limits="stops", q=None, v=None, looks=True, balance=False, equalities=True):
+    def __init__(self, model, name, source="", limits="stops", q=None, v=None, looks=True, balance=False, equalities=True,
+                 stops=True):
+        #: Without stops, joints are those of a model with stops.
+        self.stops = stops
         self.m, self.limits, self.losses = model, limits, Losses()
         flags = int(model.disableflags)
         self.off = {word for word, bit in OFF.items() if flags & bit}
@@ -107,7 +114,9 @@ class Importer(Drives):
         self.joints = [Joint(model, k) for k in range(len(model.jnt_type))]
         self.bodies, self.places, self.elements, self.taken_dofs, self.taken_actuators = [], [], [], set(), set()
         self.with_equalities = equalities and "equality" not in self.off
-        self.attached = self.find_attached()
+        #: Joints whose coordinates sensors observe.
+        self.observed = {int(of) for kind, of in zip(model.sensor_type, model.sensor_objid) if kind in (9, 10)}
+        self.attached = self.find_attached() | self.observed
         self.move_bodies()
         self.name_sites()
         self.write()
@@ -155,7 +164,7 @@ class Importer(Drives):
     # --- bodies and joints ----------------------------------------------------------------------------------------------
 
     def find_attached(self) -> set:
-        """Joints on which something acts, or that something observes."""
+        """Joints on which something acts."""
         m, found = self.m, set()
         for joint in self.joints:
             if joint.type in (FREE, BALL):
@@ -166,7 +175,6 @@ class Importer(Drives):
         found |= {int(m.actuator_trnid[i, 0]) for i in range(len(m.actuator_trntype)) if m.actuator_trntype[i] in (0, 1)}
         found |= {int(end) for i in range(len(m.eq_type)) if m.eq_type[i] == 2 for end in (m.eq_obj1id[i], m.eq_obj2id[i])}
         found |= {int(of) for kind, of in zip(m.wrap_type, m.wrap_objid) if kind == 1}
-        found |= {int(of) for kind, of in zip(m.sensor_type, m.sensor_objid) if kind in (9, 10)}
         return found
 
     def move_bodies(self) -> None:
@@ -203,7 +211,10 @@ class Importer(Drives):
         here = parent.pose @ rest
         start, velocity = here, parent.velocity + np.cross(parent.omega, here.r - parent.pose.r)
         omega, before = parent.omega, parent
-        one = None if len(joints) == 1 or any(joint.k in self.attached for joint in joints) else joined(joints, rest, parent)
+        one = None
+        if len(joints) > 1:
+            acts = any(joint.k in self.attached for joint in joints)
+            one = self.angled(joints, rest, parent) if acts else joined(joints, rest, parent)
         for joint in joints:
             q, rate = self.q[joint.q:joint.q + 7], self.rates[joint.v:joint.v + 6]
             anchor, axis = here.r + here.a @ joint.pos, here.a @ joint.axis
@@ -238,6 +249,36 @@ class Importer(Drives):
         else:
             self.connect(joints[-1], before, body, anchor, axis)
         return body
+
+    def angled(self, joints, rest, parent):
+        """A universal joint or a gimbal, on whose angles forces act: a procedure as of `joined`; None if the joints follow each other."""
+        m = self.m
+        turns = [joint for joint in joints if joint.type == HINGE]
+        if len(turns) != len(joints) or len(joints) not in (2, 3) or any(np.linalg.norm(joint.pos - turns[0].pos) > 1e-12 for joint in turns) \
+                or any(joint.k in self.observed for joint in joints) or max(abs(one.axis @ two.axis) for one, two in zip(turns, turns[1:])) > RIGHT:
+            return None
+        if len(turns) == 3:
+            # The angle between the axes of the first and the last must stay away from its singularity.
+            triple = np.cross(turns[2].axis, turns[0].axis) @ turns[1].axis
+            middle = turns[1]
+            lower, upper = m.jnt_range[middle.k] - m.qpos0[middle.q]
+            zero = np.arcsin(np.clip(turns[0].axis @ turns[2].axis, -1, 1))*(1 if triple > 0 else -1)
+            now = self.q[middle.q] - m.qpos0[middle.q] + zero
+            if not m.jnt_limited[middle.k] or self.limits != "stops" or max(abs(lower + zero), abs(upper + zero), abs(now)) > STEEPEST:
+                return None
+        name = self.scene.names.take(turns[0].name, "", 50)
+        for k, joint in enumerate(turns):
+            joint.element, joint.rotor = f"{name}.angle{k + 1}", self.scene.names.take(joint.name, "_rotor")
+        if len(turns) == 3 and triple < 0:
+            # A gimbal rotates about across x axis in the middle.
+            turns[2].sign = -1
+        first = parent.pose.a @ rest.a
+
+        def made(_, end):
+            return {"type": quoted("universal" if len(turns) == 2 else "gimbal"), "at": text_of(end.r + end.a @ turns[0].pos),
+                    "axis": text_of(first @ turns[0].axis), "across": text_of(turns[-1].sign*(end.a @ turns[-1].axis)), "name": name}
+
+        return made
 
     def connect(self, joint, parent, body, anchor, axis) -> None:
         joint.parent, joint.child = parent, body
@@ -291,7 +332,7 @@ class Importer(Drives):
         for body in self.bodies:
             scene.body(body, self.body_name[id(body)])
         for joint, parent, body, keys in self.elements:
-            name = scene.names.take(joint.name, "", 57)
+            name = keys.pop("name", None) or scene.names.take(joint.name, "", 57)
             keys = {"type": keys["type"], "bodies": f"[{quoted(self.name_of(parent))}, {quoted(self.name_of(body))}]", **keys}
             if joint.child is not None and joint.type in (SLIDE, HINGE):
                 joint.element = name
@@ -300,6 +341,11 @@ class Importer(Drives):
                     scene.names.taken.add(f"{name}_rotor")
                     self.taken_dofs.add(("armature", joint.v))
             scene.add("joint", name, keys, joint.name)
+        for joint in self.joints:
+            if joint.rotor is not None and self.m.dof_armature[joint.v]:
+                scene.add("constraint", joint.rotor, {"type": '"coupling"', "joints": f"[{quoted(joint.element)}]", "factors": "[1]",
+                                                      "inertia": text_of(self.m.dof_armature[joint.v])})
+                self.taken_dofs.add(("armature", joint.v))
         self.passive_forces()
         self.compensate_gravity()
         self.tendons()
@@ -333,7 +379,7 @@ class Importer(Drives):
             at, label = self.q[joint.q], joint.name
             keys = {}
             if stiffness:
-                keys |= {"stiffness": text_of(stiffness), "angle": text_of(m.qpos_spring[joint.q] - at)}
+                keys |= {"stiffness": text_of(stiffness), "angle": text_of(joint.sign*(m.qpos_spring[joint.q] - at))}
             if damping:
                 keys["damping"] = text_of(damping)
             if keys:
@@ -342,8 +388,9 @@ class Importer(Drives):
             if m.dof_frictionloss[joint.v] and "friction" not in self.off:
                 scene.friction(joint.element, label, m.dof_frictionloss[joint.v])
                 self.taken_dofs.add(("friction", joint.v))
-            if m.jnt_limited[joint.k] and self.limits != "none":
-                scene.limit(joint.element, label, m.jnt_range[joint.k], at, "displacement" if joint.type == SLIDE else "angle", self.limits,
+            if m.jnt_limited[joint.k] and self.limits != "none" and self.stops:
+                ends = m.jnt_range[joint.k] - at
+                scene.limit(joint.element, label, sorted(joint.sign*ends), 0.0, "displacement" if joint.type == SLIDE else "angle", self.limits,
                             *stop_of(m.jnt_solref[joint.k], m.jnt_solimp[joint.k], m.dof_invweight0[joint.v]))
 
     def free_forces(self, joint, stiffness, damping, dofs) -> None:
@@ -395,7 +442,7 @@ class Importer(Drives):
             name = str(m.names_sensor[i]) or f"sensor{i}"
             on = int(m.sensor_objtype[i])
             place = None
-            if kind in (9, 10) and self.joints[of].element:
+            if kind in (9, 10) and self.joints[of].element and self.joints[of].rotor is None:
                 place = ("joint", self.joints[of].element)
             elif kind in (1, 2, 26, 31, 33) and on == 6 and int(of) in self.site_point:
                 body, _ = self.places[m.site_bodyid[of]]

@@ -50,7 +50,7 @@ class Drives:
         driven = {int(m.actuator_trnid[i, 0]) for i in range(len(m.actuator_trntype)) if m.actuator_trntype[i] == 3}
         for k in range(len(m.tendon_num)):
             name = str(m.names_tendon[k]) or f"tendon{k}"
-            limited = bool(m.tendon_limited[k]) and self.limits != "none"
+            limited = bool(m.tendon_limited[k]) and self.limits != "none" and self.stops
             acts = any((m.tendon_stiffness[k], m.tendon_damping[k], m.tendon_armature[k], m.tendon_frictionloss[k], k in driven, limited))
             if not acts:
                 continue
@@ -71,7 +71,7 @@ class Drives:
         terms, length = {}, 0.0
         for w in wraps:
             joint = self.joints[int(m.wrap_objid[w])]
-            terms[joint.element] = terms.get(joint.element, 0.0) + float(m.wrap_prm[w])
+            terms[joint.element] = terms.get(joint.element, 0.0) + joint.sign*float(m.wrap_prm[w])
             length += float(m.wrap_prm[w])*self.q[joint.q]
         return {joint: factor for joint, factor in terms.items() if factor}, length
 
@@ -205,11 +205,12 @@ class Drives:
         """Write an actuator; why it is left out, if it is."""
         m, scene = self.m, self.scene
         kind, of, gear = int(m.actuator_trntype[i]), int(m.actuator_trnid[i, 0]), float(m.actuator_gear[i, 0])
+        sign = 1
         if kind in (0, 1) and self.joints[of].element:
             joint = self.joints[of]
             if m.jnt_actfrclimited[of]:
                 self.losses.add("limits of the sum of actuator forces on joints", joint.name)
-            coordinate, at = joint.element, self.q[joint.q]
+            coordinate, at, sign = joint.element, joint.sign*self.q[joint.q], joint.sign
         elif kind == 3 and of in self.sums:
             coordinate, at = self.sums[of]
         elif kind == 3 and of in self.springs:
@@ -222,7 +223,7 @@ class Drives:
         else:
             return {4: "actuators of sites with a reference or a bias", 5: "actuators of contacts"}.get(kind, "actuators of ball, free or other joints")
         scene.add("force", scene.names.take(name, "_motor"), {"type": '"torsion"', "joint": quoted(coordinate), "law": quoted(
-            self.law_of(i, name, gain, bias, gear, at, "angle"))})
+            self.law_of(i, name, gain, bias, sign*gear, at, "angle"))})
         return None
 
     def wrench(self, i, name, gain, site):
@@ -287,7 +288,7 @@ class Drives:
                 continue
             if kind == 2:
                 joint = self.joints[end]
-                sums.append(({joint.element: 1.0}, self.q[joint.q] - m.qpos0[joint.q]) if joint.element else (None, 0))
+                sums.append(({joint.element: float(joint.sign)}, self.q[joint.q] - m.qpos0[joint.q]) if joint.element else (None, 0))
             else:
                 wraps = range(int(m.tendon_adr[end]), int(m.tendon_adr[end] + m.tendon_num[end]))
                 if any(m.wrap_type[w] != 1 for w in wraps):

@@ -109,7 +109,7 @@ contains
         integer :: i, k
 
         if (.not. any(self%couplings%sum > 0)) return
-        pose = self%pose
+        allocate (pose(0:ubound(self%pose, 1)), source=self%pose)
         do i = 1, size(self%bodies)
             if (self%planar .and. self%bodies(i)%turns) call set_angle(pose(i), self%bodies(i)%angle, &
                 cos(self%bodies(i)%angle), sin(self%bodies(i)%angle))

@@ -53,7 +53,7 @@ module tandem_mechanism_builder
         module subroutine add_joint(self, name, kind, first, second, error, at, axis, across, motion, open, pitch, hold, drive)
             implicit none (type, external)
             class(builder_type), intent(inout) :: self
-            !> Name and kind: fixed, revolute, prismatic, cylindrical, spherical, universal, planar, screw, point_on_line,
+            !> Name and kind: fixed, revolute, prismatic, cylindrical, spherical, universal, gimbal, planar, screw, point_on_line,
             !> point_on_plane, primitive; in the plane fixed, revolute, prismatic, point_on_line, primitive.
             character(len=*), intent(in) :: name, kind
             !> The two sides: bodies, or points of them.

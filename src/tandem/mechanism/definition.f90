@@ -469,6 +469,8 @@ contains
         end if
         if (text(dot:) == '.angle') then
             number = turn
+        else if (any(text(dot:) == ['.angle1', '.angle2', '.angle3']) .and. type_of == of_joint) then
+            number = self%joints(k)%angles(index('123', text(dot + 6:dot + 6)))
         else if (text(dot:) == '.displacement') then
             number = way
         else if (dot > len_trim(text) .and. turn > 0 .and. way > 0) then

@@ -41,6 +41,8 @@ module tandem_mechanism_joint
         integer :: row = 0, n_rows = 0
         !> Indices of its coordinates: the angle about its axis and the displacement along it, 0 if none.
         integer :: rotation = 0, displacement = 0
+        !> Indices of the successive angles of a universal joint or a gimbal, 0 if none.
+        integer :: angles(3) = 0
         !> Freedom that a function of time drives at position level, 0 if none, and index of the function.
         integer :: driven = 0, motion = 0
     end type joint_type
@@ -57,13 +59,14 @@ module tandem_mechanism_joint
     end type placed_joint_type
 
     logical, parameter :: o = .true.
-    type(kind_type), parameter :: in_space(11) = [ &
+    type(kind_type), parameter :: in_space(12) = [ &
         kind_type('fixed', [o, o, o, o, o, o], 0, .false.), &
         kind_type('revolute', [o, o, o, o, o, free], 6, .true.), &
         kind_type('prismatic', [o, o, free, o, o, o], 3, .true.), &
         kind_type('cylindrical', [o, o, free, o, o, free], 0, .true.), &
         kind_type('spherical', [o, o, o, free, free, free], 0, .false.), &
         kind_type('universal', [o, o, o, free, free, o], 0, .true.), &
+        kind_type('gimbal', [o, o, o, free, free, free], 0, .true.), &
         kind_type('screw', [o, o, free, o, o, free], 0, .true.), &
         kind_type('primitive', free, 0, .false.), &
         kind_type('planar', [free, free, o, o, o, free], 0, .true.), &

@@ -2,7 +2,7 @@
 !> Scales of a mechanism from its own lengths, so that a mechanism takes the same steps in any units.
 submodule(tandem_mechanism) tandem_mechanism_scales
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_tilt, pi
+    use tandem_mechanism_coordinate, only: is_angle, is_elevation, is_tilt, pi
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_point_vector, only: point_vector_type
     implicit none (type, external)
@@ -64,11 +64,9 @@ contains
         k = findloc(is_doubtful, .true., dim=1)
         if (k == 0) return
         others = ''
-        if (count(is_doubtful) > 1) others = ' and '//to_text(count(is_doubtful) - 1)//' other bodies'
+        if (count(is_doubtful) > 1) others = ', as '//to_text(count(is_doubtful) - 1)//' others,'
         self%doubt = 'body '//trim(self%bodies(k)%name)//others// &
-            merge(' have', ' has ', count(is_doubtful) > 1)
-        self%doubt = trim(self%doubt)//' a moment of inertia that is larger than the sum of the two others, which is '// &
-            'impossible: check the three values'
+            ' has a moment of inertia that is larger than the sum of the two others, which is impossible: check the three values'
     end procedure doubt_inertias
 
     !> About half a period of a pendulum of the typical length. Without gravity, the time in which bodies and their drives move 4
@@ -105,7 +103,8 @@ contains
 
         unit = 0.0_wp
         do k = 1, it%n - merge(1, 0, it%sum > 0)
-            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, any(it%coordinates(k)%kind == [is_angle, is_tilt]))
+            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, &
+                any(it%coordinates(k)%kind == [is_angle, is_elevation, is_tilt]))
         end do
     end function size_of_sum
 
@@ -192,14 +191,15 @@ contains
         end do
         do i = 1, size(self%torsions)
             associate (it => self%torsions(i))
-                square = max(square, it%stiffness/merge(inertia, mass, any(it%coordinate%kind == [is_angle, is_tilt])))
+                square = max(square, it%stiffness/merge(inertia, mass, &
+                    any(it%coordinate%kind == [is_angle, is_elevation, is_tilt])))
             end associate
         end do
         do i = 1, size(self%bushings)
             associate (it => self%bushings(i))
                 do k = 1, it%n
                     square = max(square, it%stiffness(k, k)/merge(inertia, mass, &
-                        any(it%coordinates(k)%kind == [is_angle, is_tilt])))
+                        any(it%coordinates(k)%kind == [is_angle, is_elevation, is_tilt])))
                 end do
             end associate
         end do

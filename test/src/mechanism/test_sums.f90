@@ -4,7 +4,8 @@
 module test_sums
     use asserts, only: check_close, check_failure, check_no_failure, check_true
     use mechanism_checks, only: draw, verify
-    use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, wp
+    use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, terms_type, wp
+    use terms_at, only: get_terms
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -23,6 +24,7 @@ contains
             new_unittest('procedures-agree-with-differences', test_procedures), &
             new_unittest('a-rotor-slows-a-pendulum', test_rotor), &
             new_unittest('a-spring-on-a-sum-acts-on-all-its-joints', test_tendon), &
+            new_unittest('successive-angles-of-a-gimbal', test_gimbal), &
             new_unittest('an-impossible-inertia-is-a-warning', test_doubt), &
             new_unittest('words-name-what-is-wrong', test_words)]
     end subroutine collect_sums
@@ -120,6 +122,87 @@ contains
         call check_close(error, [qdd(1)], [-k*c/2], 1.0e-13_wp, 'acceleration of the first mass')
         call check_close(error, [qdd(8)], [-2*k*c/3], 1.0e-13_wp, 'acceleration of the second mass')
     end subroutine test_tendon
+
+    !> Springs along the angles of a universal joint and of a gimbal against differences; the angles of a gimbal that is drawn at
+    !> rest and then turned by a about x, b about y and c about a third axis on the body.
+    subroutine test_gimbal(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        real(wp), parameter :: angles(3) = [2.5_wp, -0.7_wp, -1.9_wp], stiffness(3) = [3.0_wp, 5.0_wp, 7.0_wp], &
+            last(3) = [0.6_wp, 0.0_wp, 0.8_wp]
+        real(wp), parameter :: h = 1.0e-5_wp, qd(8) = [0.1_wp, 0.2_wp, 0.3_wp, 0.5_wp, -0.4_wp, 0.7_wp, 0.2_wp, 0.1_wp]
+        type(terms_type) :: terms, ahead, behind
+        real(wp) :: q(8), energy
+        integer :: k, stat
+
+        call draw(mechanism, .false.)
+        call mechanism%add_joint('cross', 'universal', 'first', 'second', failure, at=y, axis=x, across=y)
+        call check_no_failure(error, failure)
+        call mechanism%add_joint('shoulder', 'gimbal', 'ground', 'first', failure, at=origin, axis=[1.0_wp, 0.2_wp, -0.5_wp], &
+            across=[0.3_wp, -1.0_wp, 0.5_wp])
+        call check_no_failure(error, failure)
+        call add_springs(['cross   ', 'shoulder'], [2, 3])
+        call mechanism%add_coupling('rotor', ['shoulder.angle1'], [1.0_wp], failure, inertia=0.3_wp)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'angles', error)
+
+        mechanism = mechanism_type()
+        call mechanism%add_body('arm', 1.0_wp, origin, failure, inertia=[1.0_wp, 1.0_wp, 1.0_wp])
+        call mechanism%add_joint('shoulder', 'gimbal', 'ground', 'arm', failure, at=origin, axis=x, across=last)
+        call check_no_failure(error, failure)
+        call add_springs(['shoulder'], [3])
+        call mechanism%add_coupling('rotor', ['shoulder.angle2'], [1.0_wp], failure, inertia=0.3_wp)
+        call check_no_failure(error, failure)
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        q = 0.0_wp
+        q(4:7) = product_of(product_of(turn(angles(1), x), turn(angles(2), y)), turn(angles(3), last))
+        call mechanism%potential_energy(0.0_wp, q, energy, stat)
+        call check_close(error, [energy], [sum(stiffness*angles**2)/2], 1.0e-13_wp, 'energy of the springs')
+        ! The middle angle by differences with an error of the order of h^2: `verify` steps to where the arc sine is singular.
+        call get_terms(mechanism, 0.0_wp, q, qd, terms, stat)
+        call get_terms(mechanism, 0.0_wp, q + h*qd, qd, ahead, stat)
+        call get_terms(mechanism, 0.0_wp, q - h*qd, qd, behind, stat)
+        call check_close(error, [dot_product(terms%jacobian(4, :), qd)], [(ahead%phi(4) - behind%phi(4))/(2*h)], 1.0e-8_wp, 'rate')
+        call check_close(error, [terms%gamma(4)], &
+            [dot_product(ahead%jacobian(4, :) - behind%jacobian(4, :), qd)/(2*h)], 1.0e-8_wp, 'acceleration')
+
+    contains
+
+        subroutine add_springs(joints, n)
+            character(len=*), intent(in) :: joints(:)
+            integer, intent(in) :: n(:)
+            character(len=1) :: digit
+            integer :: i
+
+            do i = 1, size(joints)
+                do k = 1, n(i)
+                    digit = achar(iachar('0') + k)
+                    call mechanism%add_torsion(trim(joints(i))//'_'//digit, trim(joints(i))//'.angle'//digit, failure, &
+                        stiffness=stiffness(k))
+                    call check_no_failure(error, failure)
+                end do
+            end do
+        end subroutine add_springs
+
+        !> Euler parameters of a rotation.
+        pure function turn(angle, axis) result(p)
+            real(wp), intent(in) :: angle, axis(3)
+            real(wp) :: p(4)
+
+            p = [cos(angle/2), sin(angle/2)*axis]
+        end function turn
+
+        pure function product_of(p, r) result(s)
+            real(wp), intent(in) :: p(4), r(4)
+            real(wp) :: s(4)
+
+            s(1) = p(1)*r(1) - dot_product(p(2:4), r(2:4))
+            s(2:4) = p(1)*r(2:4) + r(1)*p(2:4) + [p(3)*r(4) - p(4)*r(3), p(4)*r(2) - p(2)*r(4), p(2)*r(3) - p(3)*r(2)]
+        end function product_of
+    end subroutine test_gimbal
 
     !> Moments of 1, 1 and 3: the run has a warning that names the body; a negative moment within rounding is zero.
     subroutine test_doubt(error)

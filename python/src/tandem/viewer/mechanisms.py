@@ -394,7 +394,7 @@ def add_joints(found: Mechanism, drawing: Drawing, joints: list, size: float) ->
         kind = keys.get("type", "")
         axis = found.vector(keys["axis"]) if "axis" in keys else np.array([0.0, 0, 1])
         turn = carrying(found.axis_in(body.name, axis))
-        if kind in ("spherical", "universal", "point_on_plane", "point_on_line", "planar"):
+        if kind in ("spherical", "universal", "gimbal", "point_on_plane", "point_on_line", "planar"):
             body.pieces.append(Piece("sphere", (radius,)*3, colour, at))
         elif kind in ("prismatic", "cylindrical", "screw") or kind == "fixed":
             if found.planar:
