@@ -66,6 +66,14 @@ class Robots(Mechanism):
         again = self.tandem("show", "robot.toml").stdout
         self.assertIn("looks = ", again)
 
+    def test_rounded_inertias(self):
+        """Moments that are negative by rounding, relative to the largest of all bodies, are zero; larger ones are refused."""
+        for value, expected in (("-5e-20", 0), ("-5e-3", -5e-3)):
+            text = ROBOT.replace('<inertia ixx="1" iyy="1" izz="1"', f'<inertia ixx="{value}" iyy="{value}" izz="0"')
+            slider = next(body for name, body in tomllib.loads(self.imported(text, "--force"))["body"].items() if name != "rod")
+            self.assertEqual(slider["inertia"], [expected, expected, 0])
+        self.assertIn("negative moment of inertia", self.tandem("check", "robot.toml", code=2).stderr)
+
     def test_how_it_falls(self):
         """The rod starts with m g s/(J + m s^2) about its hinge; the slider falls as one with a damper and friction of 1 N, which is
         at its value from a speed of 0.01 m/s on. Down is the turn about y."""

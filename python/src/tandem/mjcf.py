@@ -329,6 +329,7 @@ class Importer(Drives):
             raise InputError("nothing moves: no body has a joint")
         scene = self.scene
         self.body_name = {id(body): scene.names.take(body.name) for body in self.bodies}
+        scene.largest = max(float(np.max(np.abs(body.inertia))) for body in self.bodies)
         for body in self.bodies:
             scene.body(body, self.body_name[id(body)])
         for joint, parent, body, keys in self.elements:

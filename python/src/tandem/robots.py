@@ -12,7 +12,7 @@ from .markup import InputError, finite
 
 #: The longest name of an element of a mechanism, or of an event.
 LONGEST = 64
-#: Moments of inertia that are negative by less than this part of the largest are rounding.
+#: Moments of inertia that are negative by less than this part of the largest of all bodies are rounding.
 ROUNDING = 1e-12
 #: Transition speed of friction (rad/s, m/s): slower joints creep.
 CREEP = 0.01
@@ -198,6 +198,8 @@ class Scene:
     def __init__(self, name: str, source: str = "", gravity=(0, 0, -9.81), looks: bool = True, balance: bool = False):
         self.name, self.source, self.gravity, self.looks, self.balance = name, source, gravity, looks, balance
         self.names, self.lines, self.events, self.watched, self.parameters = Names(), [], [], [], {}
+        #: Moment of inertia of the bodies, against which negative ones are rounding.
+        self.largest = 0.0
         self.event_names, self.closes, self.sensors = Names(), False, Names()
 
     def add(self, table: str, name: str, keys: dict, note: str = "") -> None:
@@ -207,11 +209,12 @@ class Scene:
 
     def body(self, body: Body, name: str) -> None:
         inertia = balanced(body.inertia) if self.balance else body.inertia
+        values, axes = np.linalg.eigh(inertia)
+        if -ROUNDING*max(values[2], self.largest) <= values[0] < 0:
+            inertia = axes @ np.diag(np.maximum(values, 0.0)) @ axes.T
         # Values within rounding of zero are set to zero.
         rounding = 4*np.finfo(float).eps*np.max(np.abs(inertia))
         entries = [inertia[i, j] if abs(inertia[i, j]) > rounding else 0.0 for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-        largest = max(np.max(np.abs(entries)), 1e-300)
-        entries[:3] = [0.0 if -ROUNDING*largest < entry < 0 else entry for entry in entries[:3]]
         keys = {"mass": text_of(body.mass), "inertia": text_of(entries if any(entries[3:]) else entries[:3]), "position": text_of(body.place())}
         if not np.array_equal(body.pose.a, np.eye(3)):
             keys["euler_parameters"] = text_of(euler_parameters(body.pose.a))

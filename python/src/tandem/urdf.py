@@ -261,6 +261,7 @@ def to_toml(robot: Robot, floating=False, at=None, rates=None, base=None, gravit
     body_name = {id(body): names.take(body.name) for body in bodies}
     joint_name = {name: names.take(name, "" if name not in robot.links else "_j") for name in frames}
     moving = [name for name in frames if robot.joints[name].type in TYPES]
+    scene.largest = max(float(np.max(np.abs(body.inertia))) for body in bodies)
     for body in bodies:
         scene.body(body, body_name[id(body)])
     for name in moving:
