@@ -50,6 +50,7 @@ program main
     use test_linalg_solvers, only: collect_linalg_solvers
     use test_mass_blocks, only: collect_mass_blocks
     use test_massless_wheel, only: collect_massless_wheel
+    use test_sums, only: collect_sums
     use test_mechanism_elements, only: collect_mechanism_elements
     use test_mechanism_groups, only: collect_mechanism_groups
     use test_friction, only: collect_friction
@@ -189,6 +190,7 @@ program main
         new_testsuite('mechanism_laws', collect_mechanism_laws), &
         new_testsuite('friction', collect_friction), &
         new_testsuite('massless_wheel', collect_massless_wheel), &
+        new_testsuite('sums', collect_sums), &
         new_testsuite('closed_loops', collect_closed_loops), &
         new_testsuite('mechanism_motion', collect_mechanism_motion), &
         new_testsuite('sparse', collect_sparse), &

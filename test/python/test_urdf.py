@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""Robots from URDF files: what the scene says, and how it moves. tools/compare_urdf.py compares whole robots with Pinocchio."""
+"""Robots from URDF files: what the scene says, and how it moves. tools/compare_imports.py compares whole robots with Pinocchio."""
 
 import subprocess
 import sys
@@ -11,10 +11,11 @@ from test_mechanisms import Mechanism
 from test_output import ROOT
 from test_results import energies
 
-sys.path.insert(0, str(ROOT / "python" / "src" / "tandem"))
-import urdf  # noqa: E402
+sys.path.insert(0, str(ROOT / "python" / "src"))
+from tandem import urdf  # noqa: E402
 
-IMPORT = [sys.executable, str(ROOT / "python" / "src" / "tandem" / "urdf.py"), "urdf"]
+ENVIRONMENT = {"PYTHONPATH": str(ROOT / "python" / "src"), "PATH": "/usr/bin:/bin"}
+IMPORT = [sys.executable, "-m", "tandem", "import"]
 G = 9.81
 
 # A rod on a hinge, with a bolt at its end that a fixed joint holds; a slider with a damper; a wheel that turns three times as fast
@@ -43,7 +44,7 @@ ROBOT = """<?xml version="1.0"?>
 class Robots(Mechanism):
     def imported(self, text, *words, code=0, **settings):
         (self.folder / "robot.urdf").write_text(text)
-        done = subprocess.run([*IMPORT, "robot.urdf", *words], cwd=self.folder, capture_output=True, text=True, check=False)
+        done = subprocess.run([*IMPORT, "robot.urdf", *words], cwd=self.folder, capture_output=True, text=True, check=False, env=ENVIRONMENT)
         self.assertEqual(done.returncode, code, done.stderr)
         return done.stderr if code else (self.folder / "robot.toml").read_text()
 
@@ -58,29 +59,48 @@ class Robots(Mechanism):
         self.near(rod["inertia"], [0.1, 0.65, 0.65], 1e-15)
         self.assertIn("mesh package://a/rod.dae scale 1 1 1", rod["looks"][0])
         self.assertEqual([scene["joint"]["hinge"][key] for key in ("type", "at", "axis")], ["revolute", [0, 0, 2], [0, 1, 0]])
-        self.assertEqual({event["name"]: event["value"] for event in scene["event"]}, {"hinge_lower": -1, "hinge_upper": 2})
-        self.assertIn("# Friction of joints is ignored.", text)
+        self.assertIn("ramp", scene["force"]["hinge_stop"]["law"])
+        slider = next(force for name, force in scene["force"].items() if name.endswith("_friction"))
+        self.assertEqual([slider[key] for key in ("type", "normal")], ["friction", 1])
         self.tandem("check", "robot.toml")
         again = self.tandem("show", "robot.toml").stdout
         self.assertIn("looks = ", again)
 
+    def test_rounded_inertias(self):
+        """Moments that are negative by rounding, relative to the largest of all bodies, are zero; larger ones are refused."""
+        for value, expected in (("-5e-20", 0), ("-5e-3", -5e-3)):
+            text = ROBOT.replace('<inertia ixx="1" iyy="1" izz="1"', f'<inertia ixx="{value}" iyy="{value}" izz="0"')
+            slider = next(body for name, body in tomllib.loads(self.imported(text, "--force"))["body"].items() if name != "rod")
+            self.assertEqual(slider["inertia"], [expected, expected, 0])
+        self.assertIn("negative moment of inertia", self.tandem("check", "robot.toml", code=2).stderr)
+
     def test_how_it_falls(self):
-        """The rod starts with m g s/(J + m s^2) about its hinge; the slider falls as one with a damper. Down is the turn about y."""
-        self.imported(ROBOT)
+        """The rod starts with m g s/(J + m s^2) about its hinge; the slider falls as one with a damper and friction of 1 N, which is
+        at its value from a speed of 0.01 m/s on. Down is the turn about y."""
+        self.imported(ROBOT, "--limits", "none")
         with self.went("robot.toml", 'results.bodies="all"', "solver.rtol=1e-11", "time.end=0.5") as file:
             alpha = 5*G*0.7/(0.65 + 5*0.49)
             self.near(file["bodies/rod/acceleration"][0], [0, 0, -0.7*alpha], 1e-12)
             t = file["trajectory/time"][:]
             # Its axis points down.
             slider = file["bodies/a_slider_whose_name_is_longer_than_the_names_of_mechanisms_are_a"]
-            self.near(slider["velocity"][:, 2], -G/2*(1 - np.exp(-2*t)), 1e-9)
+            # Until then it is less: by the integral of 1 - tanh(4 v/0.01) over an acceleration of at least G - 0.25.
+            self.near(slider["velocity"][:, 2], -(G - 0.25)/2*(1 - np.exp(-2*t)), 0.01/4*np.log(2)*0.25/(G - 0.25))
 
-    def test_limits_are_events(self):
-        self.imported(ROBOT)
+    def test_limits_as_events(self):
+        self.imported(ROBOT, "--limits", "events")
         with self.went("robot.toml", "time.end=2") as file:
             self.assertEqual(file["events/name"][0].decode(), "hinge_upper")
             angle = file["joints/hinge/angle"][:]
             self.assertTrue(np.max(angle) > 2)
+
+    def test_limits_as_stops(self):
+        """The rod falls onto the stop and rests there: within its deflection under the weight."""
+        self.imported(ROBOT)
+        with self.went("robot.toml", 'results.joints=["hinge"]', "time.end=6", "body.rod.omega=[0, 0, 0]") as file:
+            angle = file["joints/hinge/angle"][:]
+            self.assertTrue(np.max(angle) > 1.99)
+            self.assertLess(np.max(angle), 2.3)
 
     def test_drawn_elsewhere(self):
         """At an angle, the same robot: the hinge's moment is that of the weight."""
@@ -102,8 +122,8 @@ class Robots(Mechanism):
             '</inertial></link><joint name="axle" type="continuous"><parent link="world"/><child link="wheel"/><axis xyz="0 1 0"/>' \
             '<mimic joint="hinge" multiplier="-3"/></joint></robot>'
         text = self.imported(ROBOT.replace("</robot>", wheel))
-        (self.folder / "robot.toml").write_text(text.replace('[results]\njoints = ["hinge"]', '[results]\njoints = "all"'))
-        with self.went("robot.toml", "time.end=0.5") as file:
+        (self.folder / "robot.toml").write_text(text.replace("[time]", '[results]\njoints = "all"\n\n[time]'))
+        with self.went("robot.toml", "time.end=0.5", "solver.rtol=1e-8") as file:
             self.near(file["joints/axle/angle"][:], -3*file["joints/hinge/angle"][:], 1e-10)
 
     WHEEL = '<link name="{0}"><inertial><mass value="1"/><inertia ixx="0.1" iyy="0.2" izz="0.2" ixy="0" ixz="0" iyz="0"/>' \
@@ -153,7 +173,7 @@ class Robots(Mechanism):
 
     def test_wrong_files(self):
         cases = {
-            "no XML": ("<robot", "is not XML"), "another": ("<sdf/>", "not URDF"), "empty": ("<robot/>", "no links"),
+            "no XML": ("<robot", "is not XML"), "another": ("<sdf/>", "neither URDF nor MJCF"), "empty": ("<robot/>", "no links"),
             "macros": ('<robot xmlns:xacro="http://ros.org/xacro"><xacro:macro/></robot>', "xacro"),
             "loop": (ROBOT.replace('<child link="end"/>', '<child link="stand"/>'), "permits trees only"),
             "unknown": (ROBOT.replace('<child link="end"/>', '<child link="and"/>'), "there is no link and"),
@@ -179,14 +199,14 @@ class Robots(Mechanism):
         self.assertIn("--force", self.imported(ROBOT, code=2))
 
     def test_the_program(self):
-        """`tandem import urdf` hands over to the package for Python, options and exit code."""
+        """`tandem import` hands over to the package for Python, options and exit code."""
         environment = {"TANDEM_PYTHON": sys.executable, "PYTHONPATH": str(ROOT / "python" / "src")}
         expected = self.imported(ROBOT, "--at", "hinge=0.5", "--output", "robot.toml")
         done = self.tandem("import", "urdf", "robot.urdf", "--at", "hinge=0.5", "--output", "again.toml", env=environment)
         self.assertEqual(done.stdout.strip(), "again.toml")
         self.assertEqual((self.folder / "again.toml").read_text(), expected)
         self.assertIn("--force", self.tandem("import", "urdf", "robot.urdf", "--output", "again.toml", env=environment, code=2).stderr)
-        self.tandem("import", "sdf", "robot.urdf", env=environment, code=2)
+        self.assertIn("not MJCF", self.tandem("import", "mjcf", "robot.urdf", env=environment, code=2).stderr)
         self.assertIn("needs a FILE", self.tandem("import", code=2).stderr)
 
     def test_rotations(self):

@@ -58,8 +58,8 @@ module tandem_cli_commands
         'plot result files as PNG, SVG or PDF; requires the Python package'), &
         command_type('view', 'FILE', ' --output --names --frames ', &
         'animation for browsers, .glb or .vtkhdf; requires the Python package'), &
-        command_type('import', 'FILE...', ' --output --floating --at --force ', &
-        'import urdf|mjcf FILE: convert a robot to a scene; requires the Python package'), &
+        command_type('import', 'FILE...', ' --output --at --key --floating --limits --balance --strict --verify --force ', &
+        'convert a robot (URDF, MJCF) to a scene; requires the Python package'), &
         command_type('statuses', '', ' --json ', 'list all statuses of runs with meanings and remedies'), &
         command_type('completion', 'SHELL', ' ', 'print a completion script for bash or zsh'), &
         command_type('help', '[COMMAND]', ' ', 'print this text, or help on a subcommand'), &
@@ -99,6 +99,11 @@ module tandem_cli_commands
         option_type('--title', 'TEXT', 'title of the plot'), &
         option_type('--frames', 'N', 'frames per second (60)'), &
         option_type('--floating', '', 'the root of the robot is a free body, not the ground'), &
+        option_type('--key', 'NAME', 'MJCF: keyframe of the reference configuration and of the start'), &
+        option_type('--limits', 'KIND', 'ranges of joints as stops (default), events or none'), &
+        option_type('--balance', '', 'correct moments of inertia above the sum of the two others'), &
+        option_type('--strict', '', 'refuse a robot that is not imported completely'), &
+        option_type('--verify', '', 'compare accelerations of a robot with MuJoCo or Pinocchio'), &
         option_type('--help', '', 'print this text')]
 
 contains

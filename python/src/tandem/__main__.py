@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: MIT
-"""python3 -m tandem plot | view | import urdf | mjcf FILE...: called by the program `tandem`."""
+"""python3 -m tandem plot | view | import FILE...: called by the program `tandem`."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ def main(words: list[str] | None = None) -> int:
     words = sys.argv[1:] if words is None else words
     if words[:1] == ["import"]:
         # Without what pictures need.
-        from . import mjcf, urdf
+        from . import imports
 
-        return (mjcf if words[1:2] == ["mjcf"] else urdf).main(words[1:])
+        return imports.main(words[1:])
     parser = argparse.ArgumentParser(prog="tandem", description="Plots and animations of result files.")
     commands = parser.add_subparsers(dest="command", required=True)
     from .plot import command as plot_command

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: MIT
 """Bounded reading of XML files of other programs, and conversion of their attributes to numbers and words.
 
-Every fault raises `InputError`. Text between elements is dropped; neither URDF nor MJCF uses it.
+Every fault raises `InputError`. Text between elements is dropped; URDF does not use it.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
 import os
 import re
@@ -117,23 +116,6 @@ def number(text: str | None, default: float, where: str, least: float | None = N
     return float(numbers(text, 1, (default,), where, least)[0])
 
 
-def keyword(text: str | None, words, default: str, where: str) -> str:
-    """One of some words."""
-    if text is None:
-        return default
-    if text not in words:
-        raise InputError(f'{where}: "{shortened(text)}" is unknown; use one of {", ".join(words)}')
-    return text
-
-
-def known(given, attributes, where: str) -> None:
-    """Refuse attributes that an element does not have."""
-    for key in given:
-        if key not in attributes:
-            near = difflib.get_close_matches(key, attributes, 1)
-            raise InputError(f'{where} has no attribute "{shortened(key)}"' + (f"; did you mean {near[0]}?" if near else "; remove it"))
-
-
 def shortened(text: str, most: int = 60) -> str:
     return text if len(text) <= most else text[:most] + "..."
 
@@ -154,7 +136,7 @@ def guarded(action) -> int:
         return 0
     except ArithmeticError as error:
         say(f"{error}; see whether masses, sizes and distances are in sensible units")
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RuntimeError) as error:
         say(error)
     return 2
 

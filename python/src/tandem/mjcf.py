@@ -1,557 +1,482 @@
 # SPDX-License-Identifier: MIT
-"""A model from an MJCF file, the format of MuJoCo, as a mechanism: the text of a scene (see doc/mechanism.md).
+"""A model from an MJCF file, as MuJoCo's compiler understands it, as a mechanism: the text of a scene (see doc/mechanism.md).
 
-    tandem import mjcf model.xml                             model.toml
-    tandem import mjcf model.xml --output arm.toml --at elbow=1.2,wrist=-0.3
-
-Bodies without joints become one with what carries them, or the ground. One hinge turns, one slide slides, a ball is spherical, a free joint
-is none; several joints of a body become one that leaves the same motions: slides and a hinge of one frame, two hinges at right
-angles through a point, three through a point. Masses and inertias that are not given come from geoms, as MuJoCo computes them. The equalities
-connect and weld become joints that close loops, joint a coupling; motors forces that a parameter scales; limits events; springs and
-dampers of joints forces along their coordinate. What is left out, contacts first of all, is said by comments in the scene.
-
-Format: https://mujoco.readthedocs.io/en/stable/XMLreference.html
+Bodies without joints become one with what carries them, or the ground. Each hinge and slide is a joint of its own, and bodies without mass
+stand between several of one body; where nothing acts on them they become one joint. What is left out is grouped by kind.
 """
 
 from __future__ import annotations
 
-import math
 import os
+import subprocess
 import sys
-from dataclasses import dataclass, field
+import tempfile
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 
-try:
-    from .markup import Budget, InputError, guarded, keyword, known, number, numbers, parse, say
-    from .mjcf_schema import ATTRIBUTES, AUTO, ORIENTATIONS, TRUTH
-    from .mjcf_text import to_toml
-    from .urdf import Body, Link, Pose, add, parse_coordinates, turned
-except ImportError:  # as a script
-    from markup import Budget, InputError, guarded, keyword, known, number, numbers, parse, say
-    from mjcf_schema import ATTRIBUTES, AUTO, ORIENTATIONS, TRUTH
-    from mjcf_text import to_toml
-    from urdf import Body, Link, Pose, add, parse_coordinates, turned
+from .markup import Budget, InputError, read_bytes
+from .mjcf_actuators import RIGHT, Drives, joined
+from .robots import CREEP, Body, Link, Losses, Pose, Scene, add, quoted, rotation_of, stop_of, text_of, turned
 
-#: Files in files, no deeper than this.
-DEEPEST = 10
-#: Flags, any of which disables a part of the model, and the name of that part.
-OFF = ((("spring", "passive"), "springs of joints"), (("damper", "passive"), "dampers of joints"), (("constraint", "equality"), "equalities"),
-       (("constraint", "limit"), "limits of joints"), (("actuation",), "actuators"))
-#: Elements that would change a model and are not supported.
-REFUSED = ("composite", "flexcomp", "replicate", "attach", "flex")
-#: Content of a body besides geoms, sites, frames and bodies.
-INSIDE = ("joint", "freejoint", "inertial", "camera", "light", "plugin")
-#: Sections of a file that are taken, or that do not matter to how it moves.
-KNOWN = {"compiler", "option", "size", "statistic", "default", "asset", "worldbody", "equality", "actuator", "contact", "sensor", "keyframe",
-         "visual", "custom", "extension"}
+#: Limits of MuJoCo's compiler in its own process: seconds, and bytes of memory.
+LONGEST = 300
+MEMORY = 16*2**30
+FREE, BALL, SLIDE, HINGE = range(4)
+#: Largest middle angle of a gimbal (rad).
+STEEPEST = 1.5
+SHAPES = {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box", 7: "mesh"}
+OFF = {name: 1 << bit for bit, name in enumerate(("constraint", "equality", "friction", "limit", "contact", "spring", "damper", "gravity", "clamp"))}
+OFF["actuation"] = 1 << 11
 
 
-@dataclass
+def run_mujoco(*words) -> None:
+    """MuJoCo in a process of its own."""
+    script = Path(__file__).with_name("mujoco_process.py")
+
+    def limits():
+        import resource
+
+        resource.setrlimit(resource.RLIMIT_AS, (MEMORY, resource.getrlimit(resource.RLIMIT_AS)[1]))
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+
+    # MuJoCo leaves its warnings in a file where it runs.
+    with tempfile.TemporaryDirectory(prefix="tandem-") as folder:
+        try:
+            done = subprocess.run([sys.executable, str(script), *map(str, words)], cwd=folder, capture_output=True, timeout=LONGEST,
+                                  stdin=subprocess.DEVNULL, preexec_fn=limits if os.name == "posix" else None, check=False)
+        except subprocess.TimeoutExpired:
+            raise InputError(f"{words[1]}: MuJoCo's compiler has not ended after {LONGEST} s; reduce the model") from None
+    said = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    if done.returncode == 3:
+        raise InputError(f"MJCF files are read by MuJoCo's compiler, and {sys.executable} has no package mujoco: "
+                         f"{sys.executable} -m pip install mujoco")
+    if done.returncode:
+        raise InputError(f"{words[1]}: MuJoCo refuses it: {(said or ['its compiler crashed'])[-1][:300]}")
+
+
+def compile_model(path) -> SimpleNamespace:
+    """The compiled model: arrays and names."""
+    read_bytes(path, Budget())
+    with tempfile.TemporaryDirectory(prefix="tandem-") as folder:
+        target = Path(folder) / "model.npz"
+        run_mujoco("compile", Path(path).resolve(), target)
+        return load_model(target)
+
+
+def load_model(path) -> SimpleNamespace:
+    with np.load(path) as file:
+        model = SimpleNamespace(**{name: file[name] for name in file.files})
+    for name, of in (("jnt_stiffnesspoly", "jnt_stiffness"), ("jnt_springyield", "jnt_stiffness"), ("dof_dampingpoly", "dof_damping"),
+                     ("tendon_stiffnesspoly", "tendon_stiffness"), ("tendon_dampingpoly", "tendon_damping"), ("tendon_armature", "tendon_damping"),
+                     ("tendon_springyield", "tendon_damping"), ("actuator_armature", "actuator_trntype"), ("actuator_damping", "actuator_trntype"),
+                     ("jnt_actfrclimited", "jnt_type")):
+        # Older versions of MuJoCo do not have all.
+        if not hasattr(model, name):
+            setattr(model, name, np.zeros(len(getattr(model, of))))
+    if not hasattr(model, "actuator_ctrladr"):
+        model.actuator_ctrladr = np.arange(len(model.actuator_trntype))
+    return model
+
+
 class Joint:
-    """A joint of a body, in its frame; lengths in m, angles in rad."""
+    """A joint of a body: its kind, addresses, and coordinate; `element` is its name in the scene where it has one of its own."""
 
-    name: str
-    type: str
-    pos: np.ndarray
-    axis: np.ndarray
-    ref: float = 0.0
-    springref: float = 0.0
-    stiffness: float = 0.0
-    damping: float = 0.0
-    range: tuple | None = None
-
-
-@dataclass
-class Model:
-    """Contents of a file: moving bodies, each with its joints and its parent; body and frame of each name in the file."""
-
-    name: str
-    gravity: np.ndarray
-    bodies: list = field(default_factory=list)
-    #: For each body but the ground: (its joints, its parent, its frame in the parent's with joints at their references).
-    joints: dict = field(default_factory=dict)
-    places: dict = field(default_factory=dict)
-    sites: dict = field(default_factory=dict)
-    equalities: list = field(default_factory=list)
-    motors: list = field(default_factory=list)
-    #: Texts in the order of their occurrence, each once.
-    notes: dict = field(default_factory=dict)
-    #: Coordinate of each joint with one coordinate in the reference configuration.
-    at: dict = field(default_factory=dict)
-
-    def note(self, text: str) -> None:
-        self.notes[text] = None
+    def __init__(self, model, k):
+        self.k, self.type = k, int(model.jnt_type[k])
+        self.name = str(model.names_joint[k]) or f"joint{k}"
+        self.q, self.v = int(model.jnt_qposadr[k]), int(model.jnt_dofadr[k])
+        self.pos, self.axis = model.jnt_pos[k], model.jnt_axis[k]
+        self.element, self.parent, self.child, self.rotor = None, None, None, None
+        #: Of its angle in the scene.
+        self.sign = 1
 
 
-class Includes:
-    """Replaces the includes of a file by their content. As in MuJoCo, an included file is looked for beside the main file, then beside the
-    file that includes it, and may be included once."""
+class Importer(Drives):
+    """Converts a compiled model to a scene."""
 
-    def __init__(self, path):
-        self.folder, self.budget, self.seen = Path(path).parent, Budget(), set()
-        self.root = self.expanded(Path(path), 0)
+    def __init__(self, model, name, source="", limits="stops", q=None, v=None, looks=True, balance=False, equalities=True,
+                 stops=True):
+        #: Without stops, joints are those of a model with stops.
+        self.stops = stops
+        self.m, self.limits, self.losses = model, limits, Losses()
+        flags = int(model.disableflags)
+        self.off = {word for word, bit in OFF.items() if flags & bit}
+        if "constraint" in self.off:
+            self.off |= {"equality", "friction", "limit", "contact"}
+        if "limit" in self.off:
+            self.limits = "none"
+        gravity = 0*model.gravity if "gravity" in self.off else model.gravity
+        self.q = np.array(model.qpos0 if q is None else q, float)
+        self.rates = np.zeros(len(model.dof_damping)) if v is None else np.array(v, float)
+        self.scene = Scene(name, source, gravity, looks, balance)
+        self.joints = [Joint(model, k) for k in range(len(model.jnt_type))]
+        self.bodies, self.places, self.elements, self.taken_dofs, self.taken_actuators = [], [], [], set(), set()
+        self.with_equalities = equalities and "equality" not in self.off
+        #: Joints whose coordinates sensors observe.
+        self.observed = {int(of) for kind, of in zip(model.sensor_type, model.sensor_objid) if kind in (9, 10)}
+        self.attached = self.find_attached() | self.observed
+        self.move_bodies()
+        self.name_sites()
+        self.write()
 
-    def expanded(self, path, depth):
-        place = os.path.realpath(path)
-        if place in self.seen:
-            raise InputError(f"{path} is included twice, or includes are cyclic; MuJoCo permits each file once")
-        if depth > DEEPEST:
-            raise InputError(f"{path}: includes are nested more than {DEEPEST} deep; merge some files")
-        self.seen.add(place)
-        root = parse(path, self.budget)
-        for parent in list(root.iter()):
-            if all(child.tag != "include" for child in parent):
-                continue
-            content = list(parent)
-            parent[:] = []
-            for child in content:
-                if child.tag == "include":
-                    known(child.attrib, ("file", "prefix"), f"{path}, include")
-                    if not child.get("file") or child.get("prefix"):
-                        raise InputError(f"{path}: an include does not name a file, or has a prefix, which is not supported")
-                    first = self.folder / child.get("file")
-                    parent.extend(self.expanded(first if first.exists() else path.parent / child.get("file"), depth + 1))
-                else:
-                    parent.append(child)
-        return root
+    def kept(self) -> dict:
+        """Arrays of the model without what the scene lacks."""
+        m, found = self.m, {}
 
+        def only(name, taken):
+            array = np.array(getattr(m, name), float)
+            for k in range(len(array)):
+                if not taken(k):
+                    array[k] = 0
+            found[name] = array
 
-class Reader:
-    """Reads a file into a model."""
-
-    def __init__(self, path, at=None, state=None):
-        self.root = Includes(path).root
-        if self.root.tag != "mujoco":
-            raise InputError(f"{path} is not MJCF: its first element is <{self.root.tag}>, not <mujoco>")
-        known(self.root.attrib, ATTRIBUTES["mujoco"], "mujoco")
-        self.compiler, option = self.merged("compiler"), self.merged("option")
-        self.read_compiler()
-        #: Flags of the options: enable or disable.
-        self.flags = {key: keyword(value, ("enable", "disable"), "", f"flag, {key}") for key, value in self.merged("option/flag").items()}
-        self.classes = {"main": {}}
-        for element in self.root.findall("default"):
-            self.read_defaults(element)
-        gravity = numbers(option.get("gravity"), 3, (0, 0, -9.81), "option, gravity")
-        self.model = Model(self.root.get("model") or Path(path).stem, 0*gravity if self.disabled("gravity") else gravity)
-        if any(number(option.get(key), 0, f"option, {key}", 0) for key in ("density", "viscosity")):
-            self.model.note("the surrounding medium (option density, viscosity) is ignored")
-        for flags, what in OFF:
-            if self.disabled(*flags):
-                self.model.note(f"{what} are ignored: the flag {next(flag for flag in flags if self.flags.get(flag) == 'disable')} disables them")
-        self.at, self.state, self.used = dict(at or {}), dict(state or {}), set()
-        self.named = {element.get("name") for element in self.root.iter("body")}
-
-    def merged(self, path):
-        """The attributes of all elements of a kind; later ones count."""
-        found = {}
-        for element in self.root.findall(path):
-            known(element.attrib, ATTRIBUTES[element.tag], element.tag)
-            found |= element.attrib
+        only("jnt_stiffness", lambda k: ("spring", k) in self.taken_dofs)
+        for name, what in (("dof_damping", "damping"), ("dof_armature", "armature"), ("tendon_stiffness", "tendon_spring"),
+                           ("tendon_damping", "tendon_damping"), ("tendon_armature", "tendon_armature")):
+            only(name, lambda k, what=what: (what, k) in self.taken_dofs)
+        for name in ("actuator_gainprm", "actuator_biasprm"):
+            only(name, lambda k: k in self.taken_actuators)
+        for name in ("jnt_stiffnesspoly", "dof_dampingpoly", "dof_frictionloss", "tendon_stiffnesspoly", "tendon_dampingpoly",
+                     "actuator_armature", "actuator_damping", "jnt_actfrclimited"):
+            only(name, lambda k: False)
         return found
 
-    def disabled(self, *flags):
-        return any(self.flags.get(flag) == "disable" for flag in flags)
+    def friction_at(self, rates) -> np.ndarray:
+        """Generalised friction forces of joints at rates (states, dofs), and of tendons, by the law of the scene."""
+        m, force = self.m, np.zeros(rates.shape)
+        for k in range(rates.shape[1]):
+            if ("friction", k) in self.taken_dofs:
+                force[:, k] -= m.dof_frictionloss[k]*np.tanh(4*rates[:, k]/CREEP)
+        for k in range(len(m.tendon_num)):
+            if ("tendon_friction", k) in self.taken_dofs:
+                wraps = range(int(m.tendon_adr[k]), int(m.tendon_adr[k] + m.tendon_num[k]))
+                factors = {self.joints[int(m.wrap_objid[w])].v: float(m.wrap_prm[w]) for w in wraps}
+                size = m.tendon_frictionloss[k]*np.tanh(4*sum(factor*rates[:, v] for v, factor in factors.items())/CREEP)
+                for v, factor in factors.items():
+                    force[:, v] -= factor*size
+        return force
 
-    def read_compiler(self):
-        given = self.compiler
-        self.per_degree = math.pi/180 if keyword(given.get("angle"), ("degree", "radian"), "degree", "compiler, angle") == "degree" else 1.0
-        self.groups = numbers(given.get("inertiagrouprange"), 2, (0, 5), "compiler, inertiagrouprange")
-        self.sequence = given.get("eulerseq", "xyz")
-        if len(self.sequence) != 3 or set(self.sequence.lower()) - set("xyz"):
-            raise InputError(f'compiler, eulerseq: "{self.sequence[:20]}" should be three of x, y, z, X, Y, Z')
-        if keyword(given.get("coordinate"), ("local", "global"), "local", "compiler, coordinate") != "local":
-            raise InputError("compiler, coordinate: global coordinates are of old versions; have a current MuJoCo save the model")
-        self.limited_by_range = keyword(given.get("autolimits"), TRUTH, "true", "compiler, autolimits") == "true"
-        self.from_geoms = keyword(given.get("inertiafromgeom"), AUTO, "auto", "compiler, inertiafromgeom")
-        self.balances = keyword(given.get("balanceinertia"), TRUTH, "false", "compiler, balanceinertia") == "true"
-        self.least = [number(given.get(key), 0, f"compiler, {key}", 0) for key in ("boundmass", "boundinertia")]
-        self.total_mass = number(given.get("settotalmass"), -1, "compiler, settotalmass")
+    def toml(self) -> str:
+        return self.scene.toml(self.losses.lines(), "tandem import")
 
-    def read_defaults(self, element):
-        """The classes of a <default>, each of which begins with what its parent has."""
-        waiting = [(element, None)]
-        while waiting:
-            element, parent = waiting.pop()
-            known(element.attrib, ATTRIBUTES["default"], "default")
-            name = element.get("class") or ("main" if parent is None else "")
-            if not name or (name in self.classes and parent is not None):
-                raise InputError(f'the default class "{name}" has no unique name; rename it')
-            content = {tag: dict(values) for tag, values in self.classes.get(name if parent is None else parent, {}).items()}
-            for child in element:
-                if child.tag != "default":
-                    if child.tag in ATTRIBUTES:
-                        known(child.attrib, ATTRIBUTES[child.tag], f"class {name}, {child.tag}")
-                    content.setdefault(child.tag, {}).update(child.attrib)
-            self.classes[name] = content
-            waiting += [(child, name) for child in reversed(element.findall("default"))]
+    # --- bodies and joints ----------------------------------------------------------------------------------------------
 
-    def attributes(self, element, given_class, kind=None):
-        """The attributes of an element, with those of its class; an orientation takes the place of any other one. `kind` is that of its
-        defaults, if its tag does not say."""
-        kind = kind or element.tag
-        tag = f"{kind} {element.tag}" if f"{kind} {element.tag}" in ATTRIBUTES else element.tag
-        if tag in ATTRIBUTES:
-            known(element.attrib, ATTRIBUTES[tag], f"{element.tag} {element.get('name', '')}".rstrip())
-        name = element.get("class") or given_class or "main"
-        if name not in self.classes:
-            raise InputError(f'there is no default class "{name}"; correct the name')
-        defaults = self.classes[name].get(kind, {})
-        if any(key in element.attrib for key in ORIENTATIONS):
-            defaults = {key: value for key, value in defaults.items() if key not in ORIENTATIONS}
-        return {**defaults, **element.attrib}
-
-    def pose(self, given, where) -> Pose:
-        r = numbers(given.get("pos"), 3, (0, 0, 0), f"{where}, pos")
-        if "quat" in given:
-            return Pose(r, rotation_of(unit(numbers(given["quat"], 4, (), f"{where}, quat"), f"{where}, quat")))
-        if "axisangle" in given:
-            *axis, angle = numbers(given["axisangle"], 4, (), f"{where}, axisangle")
-            return Pose(r, turned(unit(axis, f"{where}, axisangle"), angle*self.per_degree))
-        if "xyaxes" in given:
-            six = numbers(given["xyaxes"], 6, (), f"{where}, xyaxes")
-            x = unit(six[:3], f"{where}, xyaxes")
-            y = unit(six[3:] - x*(x @ six[3:]), f"{where}, xyaxes")
-            return Pose(r, np.transpose([x, y, np.cross(x, y)]))
-        if "zaxis" in given:
-            return Pose(r, upright(numbers(given["zaxis"], 3, (), f"{where}, zaxis"), where))
-        a = np.eye(3)
-        for angle, letter in zip(numbers(given.get("euler"), 3, (0, 0, 0), f"{where}, euler"), self.sequence):
-            turn = turned(np.eye(3)["xyz".index(letter.lower())], angle*self.per_degree)
-            a = a @ turn if letter.islower() else turn @ a
-        return Pose(r, a)
-
-    # --- bodies -------------------------------------------------------------------------------------------------------
-
-    def read(self) -> Model:
-        ground = Body("ground", ["world"], Pose())
-        self.model.places["world"] = (ground, Pose())
-        for element in self.root:
-            if element.tag not in KNOWN:
-                self.model.note(f"<{element.tag}> is ignored")
-        for world in self.root.findall("worldbody"):
-            self.read_bodies(world, ground)
-        self.scale_masses()
-        for name in (*self.at, *self.state):
-            if name not in self.used:
-                raise InputError(f"no joint {name} rotates or slides; correct the name")
-        if not self.disabled("constraint", "equality"):
-            for section in self.root.findall("equality"):
-                self.read_equalities(section)
-        if not self.disabled("actuation"):
-            for section in self.root.findall("actuator"):
-                self.read_actuators(section)
-        return self.model
-
-    def read_equalities(self, section):
-        for element in section:
-            given = self.attributes(element, None, "equality")
-            if keyword(given.get("active"), TRUTH, "true", f"equality {given.get('name', element.tag)}, active") == "true":
-                self.model.equalities.append((element.tag, given))
-
-    def read_actuators(self, section):
-        for element in section:
-            given = self.attributes(element, None)
-            if element.tag == "motor" and "joint" in given:
-                self.model.motors.append(given)
-            else:
-                self.model.note(f"actuator {given.get('name', element.tag)} is ignored: only motors of joints are supported")
-
-    def read_bodies(self, world, ground):
-        """All bodies, each before those that it carries, in the order of the file."""
-        known(world.attrib, ATTRIBUTES["worldbody"], "worldbody")
-        waiting = [(world, ground, Pose(), world.get("childclass"), "world")]
-        while waiting:
-            element, body, pose, given_class, name = waiting.pop()
-            if element is not world:
-                body, pose, given_class, name = self.read_body(element, body, pose, given_class)
-            geoms, inner = self.content(element, body, pose, given_class, name)
-            if body.name != "ground":
-                self.weigh(element, geoms, body, pose, name)
-            elif geoms:
-                self.model.note("contacts and geoms of the world are ignored")
-                for child, of_geom, frame in geoms:
-                    self.add_geom(child, of_geom, Body("", [], Pose()), frame, name, False)
-            waiting += reversed(inner)
-
-    def content(self, element, body, pose, given_class, name):
-        """Geoms inside of an element and of its frames, whose pose is that in `body`, and bodies, each with what carries it."""
-        geoms, inner = [], []
-        waiting = [(child, pose, given_class, False) for child in reversed(element)]
-        while waiting:
-            child, pose, given_class, in_frame = waiting.pop()
-            if in_frame and child.tag in ("joint", "freejoint", "inertial"):
-                raise InputError(f"body {name} has a <{child.tag}> in a <frame>, which is not supported; put it into the body")
-            if child.tag in REFUSED:
-                raise InputError(f"body {name} has a <{child.tag}>, which is not supported; have MuJoCo save the expanded model")
-            if child.tag == "geom":
-                geoms.append((child, given_class, pose))
-            elif child.tag == "site":
-                given = self.attributes(child, given_class)
-                site = given.get("name", "")
-                if site and site in self.model.sites:
-                    raise InputError(f"two sites have the name {site}; rename one")
-                self.model.sites[site] = (body, pose @ self.pose(given, f"site {site}"))
-            elif child.tag == "frame":
-                known(child.attrib, ATTRIBUTES["frame"], f"frame in {name}")
-                place, of_frame = pose @ self.pose(child.attrib, f"frame in {name}"), child.get("childclass") or given_class
-                waiting += [(one, place, of_frame, True) for one in reversed(child)]
-            elif child.tag == "body":
-                inner.append((child, body, pose, given_class, ""))
-            elif child.tag not in INSIDE:
-                raise InputError(f"body {name} has a <{child.tag}>, which MJCF does not permit there; remove it")
-        return geoms, inner
-
-    def read_body(self, element, parent, frame, given_class):
-        """A body: what it is part of, its pose in that, the class of its content, and its name."""
-        known(element.attrib, ATTRIBUTES["body"], f"body {element.get('name', '')}".rstrip())
-        name, count = element.get("name"), len(self.model.places)
-        while not name or (name in self.named and not element.get("name")):
-            name, count = f"body{count}", count + 1
-        if name in self.model.places:
-            raise InputError(f"two bodies have the name {name}; rename one")
-        given_class = element.get("childclass") or given_class
-        rest = frame @ self.pose(element.attrib, f"body {name}")
-        joints = [self.read_joint(child, given_class, name, k) for k, child in enumerate(
-            child for child in element if child.tag in ("joint", "freejoint"))]
-        if number(element.get("gravcomp"), 0, f"body {name}, gravcomp"):
-            self.model.note(f"gravcomp of body {name} is ignored")
-        body, pose = parent, rest
-        if joints:
-            body, pose = self.move(name, joints, parent, rest), Pose()
-            self.model.bodies.append(body)
-            self.model.joints[name] = (joints, parent, rest)
-        elif body.name != "ground":
-            body.links.append(name)
-        self.model.places[name] = (body, pose)
-        return body, pose, given_class, name
-
-    def read_joint(self, element, given_class, body, k) -> Joint:
-        if element.tag == "freejoint":
-            known(element.attrib, ATTRIBUTES["freejoint"], f"freejoint of body {body}")
-            given, kind = element.attrib, "free"
-        else:
-            given = self.attributes(element, given_class)
-            kind = keyword(given.get("type"), ("ball", "free", "hinge", "slide"), "hinge", f"joint {given.get('name', 'of ' + body)}, type")
-        name = given.get("name") or f"{body}_joint{k or ''}"
-        where = f"joint {name}"
-        if name in self.used:
-            raise InputError(f"two joints have the name {name}; rename one")
-        self.used.add(name)
-        scale = self.per_degree if kind == "hinge" else 1.0
-        joint = Joint(name, kind, numbers(given.get("pos"), 3, (0, 0, 0), f"{where}, pos"),
-                      unit(numbers(given.get("axis"), 3, (0, 0, 1), f"{where}, axis"), f"{where}, axis"),
-                      number(given.get("ref"), 0, f"{where}, ref")*scale, number(given.get("springref"), 0, f"{where}, springref")*scale)
-        for key, off in (("stiffness", "spring"), ("damping", "damper")):
-            first, *others = numbers(given.get(key), (1, 5), (0,), f"{where}, {key}")
-            if self.disabled(off, "passive"):
+    def find_attached(self) -> set:
+        """Joints on which something acts."""
+        m, found = self.m, set()
+        for joint in self.joints:
+            if joint.type in (FREE, BALL):
                 continue
-            setattr(joint, key, float(first))
-            if any(others):
-                self.model.note(f"nonlinear {key} of joint {name} is ignored")
-        if any(numbers(given.get("springdamper"), 2, (0, 0), f"{where}, springdamper")) and not self.disabled("spring", "damper", "passive"):
-            self.model.note(f"springdamper of joint {name} is ignored: give stiffness and damping")
-        limited = keyword(given.get("limited"), AUTO, "auto", f"{where}, limited")
-        ends = numbers(given.get("range"), 2, (0, 0), f"{where}, range")*scale
-        if "range" in given and (limited == "true" or limited == "auto" and self.limited_by_range) and kind != "free":
-            if not ends[0] < ends[1] and kind != "ball":
-                raise InputError(f'{where}, range: "{given["range"]}" is not ascending')
-            if not self.disabled("constraint", "limit"):
-                joint.range = tuple(ends)
-        if number(given.get("armature"), 0, f"{where}, armature", 0):
-            self.model.note("armatures (inertias of rotors) are ignored")
-        if any(numbers(given.get("frictionloss"), (1, 3), (0,), f"{where}, frictionloss", 0)):
-            self.model.note("friction of joints is ignored")
-        if number(given.get("springyield"), 0, f"{where}, springyield"):
-            self.model.note(f"springyield of joint {name} is ignored")
-        return joint
+            if m.jnt_stiffness[joint.k] or m.dof_damping[joint.v] or m.dof_armature[joint.v] or m.dof_frictionloss[joint.v] \
+                    or (m.jnt_limited[joint.k] and self.limits != "none"):
+                found.add(joint.k)
+        found |= {int(m.actuator_trnid[i, 0]) for i in range(len(m.actuator_trntype)) if m.actuator_trntype[i] in (0, 1)}
+        found |= {int(end) for i in range(len(m.eq_type)) if m.eq_type[i] == 2 for end in (m.eq_obj1id[i], m.eq_obj2id[i])}
+        found |= {int(of) for kind, of in zip(m.wrap_type, m.wrap_objid) if kind == 1}
+        return found
+
+    def move_bodies(self) -> None:
+        """Frames of all bodies with their joints one after the other, as MuJoCo moves them."""
+        m = self.m
+        ground = Body("ground", ["world"], Pose())
+        self.places = [(ground, Pose())]
+        for b in range(1, len(m.body_parentid)):
+            parent, carried = self.places[m.body_parentid[b]]
+            rest = Pose(m.body_pos[b], rotation_of(m.body_quat[b]))
+            name = str(m.names_body[b]) or f"body{b}"
+            own = self.joints[m.body_jntadr[b]:m.body_jntadr[b] + m.body_jntnum[b]] if m.body_jntnum[b] else []
+            if not own:
+                if m.body_mocapid[b] >= 0:
+                    self.losses.add("bodies moved by the user (mocap), held in place", name)
+                body, pose = parent, carried @ rest
+                body.links.append(name)
+            else:
+                body, pose = self.move(name, own, parent, carried @ rest), Pose()
+            self.places.append((body, pose))
+            link = Link(name, float(m.body_mass[b]), m.body_ipos[b], self.inertia_of(b), self.looks_of(b))
+            if body is not ground:
+                add(body, link, pose)
+        for body in self.bodies:
+            if not np.any(body.inertia) and body.mass == 0 and body.links != ["between"]:
+                body.inertia = np.zeros((3, 3))
+
+    def inertia_of(self, b) -> np.ndarray:
+        a = rotation_of(self.m.body_iquat[b])
+        return a @ np.diag(self.m.body_inertia[b]) @ a.T
 
     def move(self, name, joints, parent, rest) -> Body:
-        """The body behind joints: one after the other, as MuJoCo does. Velocities are of the origins of frames."""
+        """The body behind joints, and those without mass between them; velocities are of the origins of frames until bodies are written."""
         here = parent.pose @ rest
-        omega, velocity = parent.omega, parent.velocity + np.cross(parent.omega, here.r - parent.pose.r)
+        start, velocity = here, parent.velocity + np.cross(parent.omega, here.r - parent.pose.r)
+        omega, before = parent.omega, parent
+        one = None
+        if len(joints) > 1:
+            acts = any(joint.k in self.attached for joint in joints)
+            one = self.angled(joints, rest, parent) if acts else joined(joints, rest, parent)
         for joint in joints:
-            q, rate = self.state.get(joint.name, (None, None))
-            if joint.type == "free":
-                if q is not None:
-                    here = Pose(np.array(q[:3], float), rotation_of(q[3:]))
-                    velocity, omega = np.array(rate[:3], float), here.a @ rate[3:]
-                continue
+            q, rate = self.q[joint.q:joint.q + 7], self.rates[joint.v:joint.v + 6]
             anchor, axis = here.r + here.a @ joint.pos, here.a @ joint.axis
-            if joint.type == "slide":
-                x, v = (self.at.get(joint.name, joint.ref), 0.0) if q is None else (q[0], rate[0])
-                self.model.at[joint.name] = x
-                velocity = velocity + np.cross(omega, axis*(x - joint.ref)) + v*axis
-                here = Pose(here.r + axis*(x - joint.ref), here.a)
-                continue
-            at_anchor = velocity + np.cross(omega, anchor - here.r)
-            if joint.type == "ball":
-                a = here.a @ (np.eye(3) if q is None else rotation_of(q))
-                omega = omega + (0 if rate is None else a @ rate)
+            if joint.type == FREE:
+                here = Pose(q[:3], rotation_of(q[3:7]))
+                velocity, omega = rate[:3], here.a @ rate[3:6]
+            elif joint.type == SLIDE:
+                way = q[0] - self.m.qpos0[joint.q]
+                velocity = velocity + np.cross(omega, axis*way) + rate[0]*axis
+                here = Pose(here.r + axis*way, here.a)
             else:
-                x, v = (self.at.get(joint.name, joint.ref), 0.0) if q is None else (q[0], rate[0])
-                self.model.at[joint.name] = x
-                a, omega = here.a @ turned(joint.axis, x - joint.ref), omega + v*axis
-            here = Pose(anchor - a @ joint.pos, a)
-            velocity = at_anchor + np.cross(omega, here.r - anchor)
-        return Body(name, [name], here, velocity=velocity, omega=omega)
-
-    # --- masses -------------------------------------------------------------------------------------------------------
-
-    def weigh(self, element, geoms, body, pose, name):
-        """The inertial of a body, or its geoms; looks are of its geoms."""
-        inertial = element.find("inertial")
-        by_geoms = self.from_geoms == "true" or self.from_geoms == "auto" and inertial is None
-        link = Link(name)
-        if inertial is not None and not by_geoms:
-            known(inertial.attrib, ATTRIBUTES["inertial"], f"body {name}, inertial")
-            place = self.pose(inertial.attrib, f"body {name}, inertial")
-            link.mass, link.centre = number(inertial.get("mass"), 0, f"body {name}, mass", 0), place.r
-            xx, yy, zz, xy, xz, yz = numbers(inertial.get("fullinertia"), 6, (*numbers(
-                inertial.get("diaginertia"), 3, (0, 0, 0), f"body {name}, diaginertia", 0), 0, 0, 0), f"body {name}, fullinertia")
-            link.inertia = place.a @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ place.a.T
-        whole = Body(name, [], Pose())
-        add(whole, link, Pose())
-        for child, given_class, frame in geoms:
-            self.add_geom(child, given_class, whole, inverse(pose) @ frame, name, by_geoms)
-        self.bound(whole)
-        add(body, Link(name, whole.mass, whole.centre, whole.inertia, whole.looks), pose)
-        if geoms:
-            self.model.note("contacts are ignored")
-
-    def add_geom(self, element, given_class, body, frame, name, weighs):
-        given = self.attributes(element, given_class)
-        where = f"geom {given.get('name', 'of ' + name)}"
-        kind = "mesh" if "mesh" in given and "type" not in given else given.get("type", "sphere")
-        place, size = self.geom_place(given, kind, where)
-        if kind in ("plane", "hfield"):
-            return
-        weighs = weighs and self.groups[0] <= number(given.get("group"), 0, f"{where}, group") <= self.groups[1]
-        mass = None if "mass" not in given else number(given["mass"], 0, f"{where}, mass", 0)
-        density = number(given.get("density"), 1000, f"{where}, density", 0)
-        shell = keyword(given.get("shellinertia"), TRUTH, "false", f"{where}, shellinertia") == "true"
-        look = None
-        if kind in ("mesh", "sdf"):
-            if weighs and mass != 0 and density != 0:
-                raise InputError(f"{where} is a mesh that gives body {name} its mass; give the body an <inertial>, or have MuJoCo save the model")
-            own, principal = 0.0, np.zeros(3)
+                at_anchor = velocity + np.cross(omega, anchor - here.r)
+                if joint.type == BALL:
+                    a = here.a @ rotation_of(q[:4])
+                    omega = omega + a @ rate[:3]
+                else:
+                    a, omega = here.a @ turned(joint.axis, q[0] - self.m.qpos0[joint.q]), omega + rate[0]*axis
+                here = Pose(anchor - a @ joint.pos, a)
+                velocity = at_anchor + np.cross(omega, here.r - anchor)
+            if joint is joints[-1] or one is not None or joint.type == FREE:
+                continue
+            # A body without mass at the anchor.
+            at = anchor if joint.type != SLIDE else here.r
+            between = Body(f"{name}_{joint.name}", ["between"], Pose(at, here.a), velocity=velocity + np.cross(omega, at - here.r), omega=omega)
+            self.bodies.append(between)
+            self.connect(joint, before, between, anchor, axis)
+            before = between
+        body = Body(name, [name], here, velocity=velocity, omega=omega)
+        self.bodies.append(body)
+        if one is not None:
+            self.elements.append((joints[0], parent, body, one(start, here)))
         else:
-            volume, per_mass, look = solid(kind, size, where)
-            own = density*volume if mass is None else mass
-            principal = own*np.array(per_mass)
-            if weighs and shell:
-                raise InputError(f"{where} has shellinertia, which is not supported; give body {name} an <inertial>")
-        if not weighs:
-            own, principal = 0.0, np.zeros(3)
-        add(body, Link(name, own, np.zeros(3), np.diag(principal), [(*look, Pose())] if look else []), frame @ place)
+            self.connect(joints[-1], before, body, anchor, axis)
+        return body
 
-    def geom_place(self, given, kind, where):
-        """The frame of a geom, and its half sizes."""
-        size = list(numbers(given.get("size"), (1, 3), (), f"{where}, size"))
-        if "fromto" not in given or kind in ("sphere", "plane", "mesh"):
-            return self.pose(given, where), size
-        ends = numbers(given["fromto"], 6, (), f"{where}, fromto").reshape(2, 3)
-        half = float(np.linalg.norm(ends[0] - ends[1]))/2
-        size = [*size[:1], half] if kind in ("capsule", "cylinder") else [*size[:1], *size[:1], half]
-        return Pose(ends.mean(axis=0), upright(ends[0] - ends[1], where)), size
+    def angled(self, joints, rest, parent):
+        """A universal joint or a gimbal, on whose angles forces act: a procedure as of `joined`; None if the joints follow each other."""
+        m = self.m
+        turns = [joint for joint in joints if joint.type == HINGE]
+        if len(turns) != len(joints) or len(joints) not in (2, 3) or any(np.linalg.norm(joint.pos - turns[0].pos) > 1e-12 for joint in turns) \
+                or any(joint.k in self.observed for joint in joints) or max(abs(one.axis @ two.axis) for one, two in zip(turns, turns[1:])) > RIGHT:
+            return None
+        if len(turns) == 3:
+            # The angle between the axes of the first and the last must stay away from its singularity.
+            triple = np.cross(turns[2].axis, turns[0].axis) @ turns[1].axis
+            middle = turns[1]
+            lower, upper = m.jnt_range[middle.k] - m.qpos0[middle.q]
+            zero = np.arcsin(np.clip(turns[0].axis @ turns[2].axis, -1, 1))*(1 if triple > 0 else -1)
+            now = self.q[middle.q] - m.qpos0[middle.q] + zero
+            if not m.jnt_limited[middle.k] or self.limits != "stops" or max(abs(lower + zero), abs(upper + zero), abs(now)) > STEEPEST:
+                return None
+        name = self.scene.names.take(turns[0].name, "", 50)
+        for k, joint in enumerate(turns):
+            joint.element, joint.rotor = f"{name}.angle{k + 1}", self.scene.names.take(joint.name, "_rotor")
+        if len(turns) == 3 and triple < 0:
+            # A gimbal rotates about across x axis in the middle.
+            turns[2].sign = -1
+        first = parent.pose.a @ rest.a
 
-    def bound(self, body):
-        """Apply the compiler's bounds on masses and inertias."""
-        body.mass = max(body.mass, self.least[0])
-        if self.least[1] or self.balances:
-            values, axes = np.linalg.eigh(body.inertia)
-            values = np.maximum(values, self.least[1])
-            if self.balances and values[0] + values[1] < values[2]:
-                values[:] = values.mean()
-            body.inertia = axes @ np.diag(values) @ axes.T
+        def made(_, end):
+            return {"type": quoted("universal" if len(turns) == 2 else "gimbal"), "at": text_of(end.r + end.a @ turns[0].pos),
+                    "axis": text_of(first @ turns[0].axis), "across": text_of(turns[-1].sign*(end.a @ turns[-1].axis)), "name": name}
 
-    def scale_masses(self):
-        whole = sum(body.mass for body in self.model.bodies)
-        if self.total_mass > 0 and whole > 0:
-            self.model.note("settotalmass includes moving bodies only")
-            factor = self.total_mass/whole
-            for body in self.model.bodies:
-                body.mass, body.inertia = factor*body.mass, factor*body.inertia
+        return made
+
+    def connect(self, joint, parent, body, anchor, axis) -> None:
+        joint.parent, joint.child = parent, body
+        if joint.type != FREE:
+            kind = {BALL: "spherical", SLIDE: "prismatic", HINGE: "revolute"}[joint.type]
+            self.elements.append((joint, parent, body, {"type": quoted(kind), "at": text_of(anchor),
+                                                        **({} if joint.type == BALL else {"axis": text_of(axis)})}))
+
+    def looks_of(self, b) -> list:
+        m, found = self.m, []
+        for k in np.flatnonzero((m.geom_bodyid == b) & (m.geom_group < 3)):
+            kind, size = SHAPES.get(int(m.geom_type[k])), [float(x) for x in m.geom_size[k]]
+            pose = Pose(m.geom_pos[k], rotation_of(m.geom_quat[k]))
+            if kind == "sphere":
+                found.append(("sphere", size[:1], pose))
+            elif kind in ("capsule", "cylinder"):
+                found.append(("cylinder", [size[0], 2*size[1]], pose))
+                if kind == "capsule":
+                    found += [("sphere", size[:1], pose @ Pose(np.array([0, 0, end*size[1]]))) for end in (-1, 1)]
+            elif kind in ("box", "ellipsoid"):
+                found.append(("box", [2*x for x in size], pose))
+            elif kind == "mesh" and m.geom_dataid[k] >= 0:
+                mesh = int(m.geom_dataid[k])
+                inner = Pose(m.mesh_pos[mesh], rotation_of(m.mesh_quat[mesh]))
+                if str(m.names_mesh[mesh]):
+                    found.append(("mesh", (str(m.names_mesh[mesh]), m.mesh_scale[mesh]), pose @ inner.inverse()))
+        return found
+
+    def name_sites(self) -> None:
+        """Sites that sensors observe become named points of their bodies."""
+        m = self.m
+        self.site_point = {}
+        for s in sorted({int(of) for kind, of in zip(m.sensor_objtype, m.sensor_objid) if kind == 6}):
+            body, pose = self.places[m.site_bodyid[s]]
+            if body.name == "ground":
+                continue
+            clean = "".join(letter if letter.isascii() and letter.isalnum() else "_" for letter in str(m.names_site[s]) or f"site{s}")[:40]
+            point = clean if clean[:1].isalpha() else f"s_{clean}"
+            while point in body.points or point == "origin":
+                point += "_"
+            body.points[point] = pose.r + pose.a @ m.site_pos[s]
+            self.site_point[s] = point
+
+    # --- the scene ------------------------------------------------------------------------------------------------------
+
+    def write(self) -> None:
+        if not self.bodies:
+            raise InputError("nothing moves: no body has a joint")
+        scene = self.scene
+        self.body_name = {id(body): scene.names.take(body.name) for body in self.bodies}
+        scene.largest = max(float(np.max(np.abs(body.inertia))) for body in self.bodies)
+        for body in self.bodies:
+            scene.body(body, self.body_name[id(body)])
+        for joint, parent, body, keys in self.elements:
+            name = keys.pop("name", None) or scene.names.take(joint.name, "", 57)
+            keys = {"type": keys["type"], "bodies": f"[{quoted(self.name_of(parent))}, {quoted(self.name_of(body))}]", **keys}
+            if joint.child is not None and joint.type in (SLIDE, HINGE):
+                joint.element = name
+                if self.m.dof_armature[joint.v]:
+                    keys["rotor_inertia"] = text_of(self.m.dof_armature[joint.v])
+                    scene.names.taken.add(f"{name}_rotor")
+                    self.taken_dofs.add(("armature", joint.v))
+            scene.add("joint", name, keys, joint.name)
+        for joint in self.joints:
+            if joint.rotor is not None and self.m.dof_armature[joint.v]:
+                scene.add("constraint", joint.rotor, {"type": '"coupling"', "joints": f"[{quoted(joint.element)}]", "factors": "[1]",
+                                                      "inertia": text_of(self.m.dof_armature[joint.v])})
+                self.taken_dofs.add(("armature", joint.v))
+        self.passive_forces()
+        self.compensate_gravity()
+        self.tendons()
+        self.actuators()
+        if self.with_equalities:
+            self.equalities()
+        self.write_sensors()
+        self.count_losses()
+
+    def name_of(self, body) -> str:
+        return self.body_name.get(id(body), "ground")
+
+    def point_text(self, b, place) -> str:
+        """A point given in the frame of a body of the file."""
+        body, pose = self.places[b]
+        return f"{self.name_of(body)}:{text_of(pose.r + pose.a @ place - body.centre*(body.name != 'ground'))}"
+
+    def passive_forces(self) -> None:
+        m, scene = self.m, self.scene
+        for joint in self.joints:
+            dofs = slice(joint.v, joint.v + {FREE: 6, BALL: 3}.get(joint.type, 1))
+            stiffness = 0.0 if "spring" in self.off else float(m.jnt_stiffness[joint.k])
+            damping = 0.0 if "damper" in self.off else float(m.dof_damping[joint.v])
+            if np.any(m.jnt_stiffnesspoly[joint.k]) or m.jnt_springyield[joint.k] or np.any(m.dof_dampingpoly[dofs]):
+                self.losses.add("nonlinear springs or dampers of joints", joint.name)
+            if joint.type in (FREE, BALL):
+                self.free_forces(joint, stiffness, damping, dofs)
+                continue
+            if joint.element is None:
+                continue
+            at, label = self.q[joint.q], joint.name
+            keys = {}
+            if stiffness:
+                keys |= {"stiffness": text_of(stiffness), "angle": text_of(joint.sign*(m.qpos_spring[joint.q] - at))}
+            if damping:
+                keys["damping"] = text_of(damping)
+            if keys:
+                scene.add("force", scene.names.take(label, "_spring"), {"type": '"torsion"', "joint": quoted(joint.element), **keys})
+                self.taken_dofs |= {("spring", joint.k), ("damping", joint.v)}
+            if m.dof_frictionloss[joint.v] and "friction" not in self.off:
+                scene.friction(joint.element, label, m.dof_frictionloss[joint.v])
+                self.taken_dofs.add(("friction", joint.v))
+            if m.jnt_limited[joint.k] and self.limits != "none" and self.stops:
+                ends = m.jnt_range[joint.k] - at
+                scene.limit(joint.element, label, sorted(joint.sign*ends), 0.0, "displacement" if joint.type == SLIDE else "angle", self.limits,
+                            *stop_of(m.jnt_solref[joint.k], m.jnt_solimp[joint.k], m.dof_invweight0[joint.v]))
+
+    def free_forces(self, joint, stiffness, damping, dofs) -> None:
+        """Forces of ball joints and of free ones."""
+        m, scene = self.m, self.scene
+        if stiffness:
+            self.losses.add("springs of ball joints and free joints", joint.name)
+        if np.any(m.dof_armature[dofs]):
+            self.losses.add("armatures of ball joints and free joints", joint.name)
+        if np.any(m.dof_frictionloss[dofs]):
+            self.losses.add("friction of ball joints and free joints", joint.name)
+        if m.jnt_limited[joint.k] and self.limits != "none":
+            self.losses.add("limits of ball joints", joint.name)
+        if not damping:
+            return
+        if joint.type == FREE or joint.child is None:
+            self.losses.add("damping of free joints", joint.name)
+            return
+        # The torque is that of the relative angular velocity, whatever the axes.
+        ends = [self.name_of(end) for end in (joint.parent, joint.child)]
+        for end, other in (ends, ends[::-1]):
+            if end != "ground":
+                rate = [f"{end}.w{axis}" + (f" - {other}.w{axis}" if other != "ground" else "") for axis in "xyz"]
+                scene.add("force", scene.names.take(joint.name, "_damper"), {
+                    "type": '"load"', "on": quoted(end), "torque": f"[{', '.join(quoted(f'-{text_of(damping)}*({text})') for text in rate)}]"})
+        self.taken_dofs |= {("damping", joint.v + k) for k in range(3)}
+
+    def compensate_gravity(self) -> None:
+        for b in np.flatnonzero(self.m.body_gravcomp):
+            body, _ = self.places[b]
+            if body.name != "ground":
+                force = -self.m.body_gravcomp[b]*self.m.body_mass[b]*np.array(self.scene.gravity)
+                self.scene.add("force", self.scene.names.take(str(self.m.names_body[b]) or f"body{b}", "_gravcomp"), {
+                    "type": '"load"', "on": quoted(self.point_text(b, self.m.body_ipos[b])), "force": text_of(force)})
+
+    def count_losses(self) -> None:
+        m = self.m
+        if "contact" not in self.off:
+            for k in np.flatnonzero((m.geom_contype != 0) | (m.geom_conaffinity != 0)):
+                self.losses.add("geoms that make contact")
+        if m.density or m.viscosity:
+            self.losses.add("surrounding medium (density, viscosity)")
+        for _ in range(int(m.nflex)):
+            self.losses.add("flexible bodies")
+
+    def write_sensors(self) -> None:
+        m, scene = self.m, self.scene
+        for i, (kind, of) in enumerate(zip(m.sensor_type, m.sensor_objid)):
+            name = str(m.names_sensor[i]) or f"sensor{i}"
+            on = int(m.sensor_objtype[i])
+            place = None
+            if kind in (9, 10) and self.joints[of].element and self.joints[of].rotor is None:
+                place = ("joint", self.joints[of].element)
+            elif kind in (1, 2, 26, 31, 33) and on == 6 and int(of) in self.site_point:
+                body, _ = self.places[m.site_bodyid[of]]
+                place = ("point", f"{self.name_of(body)}.{self.site_point[int(of)]}")
+            elif kind in (26, 27, 28, 29, 30, 31, 32, 33, 34) and on in (1, 2) and self.places[of][0].name != "ground":
+                place = ("body", self.name_of(self.places[of][0]))
+            elif kind in (3, 27, 28, 29, 30, 32, 34) and on == 6 and self.places[m.site_bodyid[of]][0].name != "ground":
+                place = ("body", self.name_of(self.places[m.site_bodyid[of]][0]))
+            elif kind in (43, 44):
+                place = ("energy", True)
+            if place is None:
+                self.losses.add("sensors without an equivalent", name)
+                continue
+            scene.add("sensor", scene.sensors.take(name), {place[0]: "true" if place[1] is True else quoted(place[1])}, name)
 
 
-def solid(kind, size, where):
-    """Volume, principal inertias for a mass of 1, and what it looks like, by half sizes."""
-    needed = {"sphere": 1, "capsule": 2, "cylinder": 2, "ellipsoid": 3, "box": 3}.get(kind)
-    if needed is None:
-        raise InputError(f'{where} has the type "{kind}", which is not supported; give its body an <inertial>')
-    if len(size) < needed or min(size[:needed]) <= 0:
-        raise InputError(f"{where}: a {kind} requires {needed} positive sizes")
-    r, h, c = [*size, 0, 0][:3]
-    if kind == "sphere":
-        return 4/3*math.pi*r**3, [0.4*r*r]*3, ("sphere", [r])
-    if kind == "cylinder":
-        return 2*math.pi*r*r*h, [(3*r*r + 4*h*h)/12]*2 + [r*r/2], ("cylinder", [r, 2*h])
-    if kind == "capsule":
-        middle, ends = 2*h/(2*h + 4/3*r), 4/3*r/(2*h + 4/3*r)
-        across = middle*(3*r*r + 4*h*h)/12 + ends*(0.4*r*r + h*h + 0.75*h*r)
-        return math.pi*r*r*(2*h + 4/3*r), [across, across, middle*r*r/2 + ends*0.4*r*r], ("cylinder", [r, 2*h])
-    if kind == "box":
-        return 8*r*h*c, [(h*h + c*c)/3, (r*r + c*c)/3, (r*r + h*h)/3], ("box", [2*r, 2*h, 2*c])
-    return 4/3*math.pi*r*h*c, [(h*h + c*c)/5, (r*r + c*c)/5, (r*r + h*h)/5], ("box", [2*r, 2*h, 2*c])
-
-
-def unit(v, where):
-    v = np.array(v, float)
-    if not np.linalg.norm(v) > 0:
-        raise InputError(f"{where} has the length zero; give a direction")
-    return v/np.linalg.norm(v)
-
-
-def upright(z, where):
-    """The smallest turn that brings z there."""
-    z = unit(z, where)
-    axis = np.cross([0, 0, 1.0], z)
-    if not np.linalg.norm(axis) > 0:
-        return np.eye(3) if z[2] > 0 else turned(np.array([1.0, 0, 0]), math.pi)
-    return turned(axis/np.linalg.norm(axis), math.atan2(np.linalg.norm(axis), z[2]))
-
-
-def rotation_of(p):
-    e0, *e = np.array(p, float)/np.linalg.norm(p)
-    k = np.array([[0, -e[2], e[1]], [e[2], 0, -e[0]], [-e[1], e[0], 0]])
-    return np.eye(3) + 2*e0*k + 2*k @ k
-
-
-def inverse(pose: Pose) -> Pose:
-    return Pose(-pose.a.T @ pose.r, pose.a.T)
-
-
-def read(path, at=None, state=None) -> Model:
-    """The model of a file, defined with joints at their references, or at the values that `at` gives for their names; `state` gives
-    coordinates of any joint and their rates in MuJoCo's convention."""
-    return Reader(path, at, state).read()
-
-
-def main(words=None) -> int:
-    import argparse
-
-    parser = argparse.ArgumentParser(prog="tandem import", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("format", choices=["mjcf"], help="format of the file")
-    parser.add_argument("file", metavar="FILE")
-    parser.add_argument("--output", metavar="PATH", help="the scene (the name of the file, .toml)")
-    parser.add_argument("--at", metavar="JOINT=X,...", help="positions of joints (rad, m) in the reference configuration")
-    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
-    given = parser.parse_args(words)
-    return guarded(lambda: run(given))
-
-
-def run(given) -> None:
-    target = Path(given.output or Path(given.file).with_suffix(".toml").name)
-    if target.exists() and not given.force:
-        raise InputError(f"{target} exists; name another by --output, or overwrite it by --force")
-    model = read(given.file, parse_coordinates(given.at))
-    text = to_toml(model, source=Path(given.file).name)
-    target.write_text(text, encoding="utf-8")
-    for note in model.notes:
-        say(note)
-    print(target)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+def convert(path, *, limits="stops", at=None, key=None, looks=True, balance=False) -> Importer:
+    """The scene of a file, with what it lacks."""
+    model = compile_model(path)
+    q, v = model.qpos0.copy(), np.zeros(len(model.dof_damping))
+    if key is not None:
+        names = [str(name) for name in model.names_key]
+        if key not in names and not (key.isdigit() and int(key) < len(names)):
+            raise InputError(f"there is no keyframe {key}; " + (f"use one of {', '.join(names[:10])}" if names else "the file has none"))
+        k = names.index(key) if key in names else int(key)
+        q, v = model.key_qpos[k].copy(), model.key_qvel[k].copy()
+    for name, value in (at or {}).items():
+        found = [k for k, other in enumerate(model.names_joint) if str(other) == name and model.jnt_type[k] in (SLIDE, HINGE)]
+        if not found:
+            raise InputError(f"no joint {name} rotates or slides; correct the name")
+        q[model.jnt_qposadr[found[0]]] = value
+    made = Importer(model, Path(path).stem, Path(path).name, limits, q, v, looks, balance)
+    if key is not None and len(model.key_ctrl):
+        for i, name in made.controls.items():
+            made.scene.parameters[name] = float(model.key_ctrl[k][i])
+    return made

@@ -1,62 +1,30 @@
 # SPDX-License-Identifier: MIT
 """A robot from a URDF file as a mechanism: the text of a scene (see doc/mechanism.md).
 
-    tandem import urdf robot.urdf                             robot.toml
-    tandem import urdf robot.urdf --output arm.toml --floating
-    tandem import urdf robot.urdf --at elbow=1.2,wrist=-0.3
-
 Links that fixed joints hold together become one body, whose axes are those of the first of them; what hangs on the root by fixed joints
 is the ground, unless the robot floats. Revolute and continuous joints turn, prismatic ones slide, planar ones do both in their plane,
-floating ones are none. Mimicking joints become couplings, limits events, damping a force along the joint's coordinate. Inertias are
-taken as they are. Shapes and meshes are kept for looking; efforts, transmissions, sensors, controllers and friction are left out, and a
-comment says so.
+floating ones are none. Mimicking joints become couplings, limits stops or events, damping and friction forces along the joint's coordinate.
+Shapes and meshes are kept for looking; efforts, transmissions, sensors and controllers are left out.
 
 Format: https://wiki.ros.org/urdf/XML
 """
 
 from __future__ import annotations
 
-import math
-import sys
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-try:
-    from .markup import InputError, finite, guarded, number, numbers, parse
-except ImportError:  # as a script
-    from markup import InputError, finite, guarded, number, numbers, parse
+from .markup import InputError, finite, number, numbers, parse
+from .robots import Body, Link, Losses, Names, Pose, Scene, add, euler_parameters, quoted, text_of, turned
 
-#: The longest name of an element of a mechanism, or of an event.
-LONGEST = 64
+__all__ = ["Names", "euler_parameters", "read", "to_toml", "turned"]
 TYPES = {"revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "planar": "planar"}
 
 #: Joints with one coordinate.
 SCALAR = ("revolute", "continuous", "prismatic")
-
-
-@dataclass
-class Pose:
-    """A place and a rotation, from a frame to the one that it stands in."""
-
-    r: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    a: np.ndarray = field(default_factory=lambda: np.eye(3))
-
-    def __matmul__(self, other: Pose) -> Pose:
-        return Pose(self.r + self.a @ other.r, self.a @ other.a)
-
-
-@dataclass
-class Link:
-    """A link: its mass, the centre of mass and the inertia about it in the link's axes, and what there is to see."""
-
-    name: str
-    mass: float = 0.0
-    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
-    looks: list = field(default_factory=list)
 
 
 @dataclass
@@ -86,31 +54,6 @@ class Robot:
     root: str
 
 
-@dataclass
-class Body:
-    """Links that are one: their frame in the world, the centre of mass and the inertia about it in the axes of that frame."""
-
-    name: str
-    links: list
-    pose: Pose
-    mass: float = 0.0
-    centre: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    inertia: np.ndarray = field(default_factory=lambda: np.zeros((3, 3)))
-    velocity: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    omega: np.ndarray = field(default_factory=lambda: np.zeros(3))
-    looks: list = field(default_factory=list)
-
-    def place(self) -> np.ndarray:
-        """The centre of mass in the world."""
-        return self.pose.r + self.pose.a @ self.centre
-
-
-def turned(axis: np.ndarray, angle: float) -> np.ndarray:
-    """The rotation about a unit axis."""
-    k = np.array([[0, -axis[2], axis[1]], [axis[2], 0, -axis[0]], [-axis[1], axis[0], 0]])
-    return np.eye(3) + math.sin(angle)*k + 2*math.sin(angle/2)**2*(k @ k)
-
-
 def origin_of(element, where: str) -> Pose:
     """The <origin> of an element: the angles are about the fixed axes x, y, z, in this order."""
     given = None if element is None else element.find("origin")
@@ -119,22 +62,6 @@ def origin_of(element, where: str) -> Pose:
     roll, pitch, yaw = numbers(given.get("rpy"), 3, (0, 0, 0), f"{where}, rpy")
     x, y, z = np.eye(3)
     return Pose(numbers(given.get("xyz"), 3, (0, 0, 0), f"{where}, xyz"), turned(z, yaw) @ turned(y, pitch) @ turned(x, roll))
-
-
-def euler_parameters(a: np.ndarray) -> np.ndarray:
-    """Of a rotation: the largest comes from its square, the others from sums and differences (Shepperd 1978)."""
-    squares = np.array([np.trace(a), a[0, 0], a[1, 1], a[2, 2]])
-    k = int(np.argmax(squares))
-    p = np.empty(4)
-    if k == 0:
-        p[:] = 1 + np.trace(a), a[2, 1] - a[1, 2], a[0, 2] - a[2, 0], a[1, 0] - a[0, 1]
-    else:
-        i, j, l = k - 1, k % 3, (k + 1) % 3
-        p[0] = a[l, j] - a[j, l]
-        p[1 + i] = 1 + 2*a[i, i] - np.trace(a)
-        p[1 + j] = a[j, i] + a[i, j]
-        p[1 + l] = a[l, i] + a[i, l]
-    return p/np.linalg.norm(p)*(1 if p[0] >= 0 else -1)
 
 
 def named(element, what: str) -> str:
@@ -321,149 +248,68 @@ def move(parent: Body, joint: Joint, world: Pose, x: float, rate: float) -> Body
     return Body(joint.child, [joint.child], pose, velocity=velocity, omega=omega)
 
 
-def add(body: Body, link: Link, pose: Pose) -> None:
-    """Put a link into a body, in whose frame it has a pose."""
-    for shape, sizes, where in link.looks:
-        body.looks.append((shape, sizes, pose @ where))
-    mass = body.mass + link.mass
-    centre = pose.r + pose.a @ link.centre
-    inertia = pose.a @ link.inertia @ pose.a.T
-    if mass > 0:
-        both = (body.mass*body.centre + link.mass*centre)/mass
-        body.inertia = body.inertia + steiner(body.mass, body.centre - both) + inertia + steiner(link.mass, centre - both)
-        body.centre = both
-    else:
-        body.inertia = body.inertia + inertia
-    body.mass = mass
-
-
-def steiner(mass: float, d: np.ndarray) -> np.ndarray:
-    return mass*(d @ d*np.eye(3) - np.outer(d, d))
-
-
-class Names:
-    """Names of elements: letters, digits and a few signs, short, each once."""
-
-    def __init__(self):
-        self.taken = {"ground"}
-        #: The next number to try, by what stands before and behind it and by its digits.
-        self.numbers = {}
-
-    def take(self, name: str, suffix: str = "") -> str:
-        clean = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "_-") else "_" for letter in name)
-        short = clean[:LONGEST - len(suffix)] + suffix
-        digits = 0
-        while short in self.taken:
-            digits += 1
-            stem = clean[:LONGEST - len(suffix) - digits - 1]
-            count = self.numbers.get((stem, suffix, digits), max(2, 10**(digits - 1)))
-            while short in self.taken and count < 10**digits:
-                short = f"{stem}_{count}{suffix}"
-                count += 1
-            self.numbers[stem, suffix, digits] = count
-        self.taken.add(short)
-        return short
-
-
-def text_of(value) -> str:
-    """A number or a list of numbers as TOML, to the last digit."""
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return "[" + ", ".join(text_of(entry) for entry in value) + "]"
-    value = finite(float(value))
-    return "0" if value == 0 else repr(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-
-
-def printable(text: str) -> str:
-    """A text on one line, as comments take it."""
-    return "".join(letter if letter.isprintable() else " " for letter in text)
-
-
-def quoted(text: str) -> str:
-    return '"' + printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
-
-
-def look_text(shape, sizes, pose: Pose, centre) -> str:
-    """A shape as one text: what, where from the centre of mass, how turned."""
-    what = f"{shape} {sizes[0]} scale {' '.join(map(text_of, sizes[1]))}" if shape == "mesh" else \
-        f"{shape} {' '.join(map(text_of, sizes))}"
-    return f"{what} at {' '.join(map(text_of, pose.r - centre))} euler_parameters {' '.join(map(text_of, euler_parameters(pose.a)))}"
-
-
-def to_toml(robot: Robot, floating=False, at=None, rates=None, base=None, gravity=(0, 0, -9.81), source="", looks=True) -> str:
+def to_toml(robot: Robot, floating=False, at=None, rates=None, base=None, gravity=(0, 0, -9.81), source="", looks=True, limits="stops",
+            balance=False, losses=None) -> str:
     """The text of a scene. `at` and `rates` draw joints of these names elsewhere than at 0, and move them at the start; `base` is the
     pose of the root of a robot that floats."""
     bodies, body_of, frames, at = assemble(robot, floating, at, rates, base)
     if not bodies:
         raise InputError("nothing moves: all joints are fixed; use --floating for a free body")
-    names = Names()
+    losses = Losses() if losses is None else losses
+    scene = Scene(robot.name, source, gravity, looks, balance)
+    names = scene.names
     body_name = {id(body): names.take(body.name) for body in bodies}
     joint_name = {name: names.take(name, "" if name not in robot.links else "_j") for name in frames}
     moving = [name for name in frames if robot.joints[name].type in TYPES]
-    lines = [printable(f"# {robot.name}" + (f", from {source}" if source else "") + ", by tandem import urdf."), *left_out(robot, moving), "",
-             "[scene]", f"description = {quoted(robot.name[:80])}", 'model = "mechanism"', "", "[gravity]",
-             f"vector = {text_of(gravity)}", ""]
+    scene.largest = max(float(np.max(np.abs(body.inertia))) for body in bodies)
     for body in bodies:
-        lines += body_lines(body, body_name[id(body)], looks)
+        scene.body(body, body_name[id(body)])
     for name in moving:
-        lines += joint_lines(robot.joints[name], joint_name[name], frames[name], body_of, body_name)
-    lines += coupling_lines(robot, moving, joint_name, names, at)
+        write_joint(scene, robot.joints[name], joint_name[name], frames[name], body_of, body_name)
+    write_couplings(scene, robot, moving, joint_name)
     for name in moving:
-        if robot.joints[name].damping and robot.joints[name].type != "planar":
-            lines += [f"[force.{names.take(name, '_damping')}]", 'type = "torsion"', f'joint = "{joint_name[name]}"',
-                      f"damping = {text_of(robot.joints[name].damping)}", ""]
-    limited = [name for name in moving if robot.joints[name].lower is not None and robot.joints[name].lower < robot.joints[name].upper]
-    if limited:
-        lines += ["[results]", f"joints = [{', '.join(quoted(joint_name[name]) for name in limited)}]", ""]
-    lines += ["[time]", "end = 1.0", "", "[solver]", 'stepper = "dopri5"', "rtol = 1e-8", ""]
-    events = Names()
-    for name in limited:
-        lines += limit_lines(robot.joints[name], joint_name[name], at.get(name, 0.0), events)
-    return "\n".join(lines).rstrip("\n") + "\n"
+        joint = robot.joints[name]
+        if joint.type == "planar":
+            if joint.damping or joint.friction:
+                losses.add("damping and friction of planar joints", name)
+            continue
+        if joint.damping:
+            scene.add("force", names.take(name, "_damping"), {"type": '"torsion"', "joint": quoted(joint_name[name]),
+                                                              "damping": text_of(joint.damping)})
+        if joint.friction > 0:
+            scene.friction(joint_name[name], name, joint.friction)
+        if limits != "none" and joint.lower is not None and joint.lower < joint.upper:
+            x = at.get(name, 0.0)
+            if not joint.lower <= x <= joint.upper:
+                losses.add("limits that the position at the start exceeds", name)
+                continue
+            inertia = beyond(robot, joint, body_of)
+            scene.limit(joint_name[name], name, (joint.lower, joint.upper), x, "displacement" if joint.type == "prismatic" else "angle",
+                        limits, inertia*STOP**2, 2*inertia*STOP)
+    return scene.toml(losses.lines(), "tandem import")
 
 
-def left_out(robot: Robot, moving) -> list:
-    """Comments on what the scene does not have."""
-    notes = []
-    if any(robot.joints[name].friction for name in moving):
-        notes.append("# Friction of joints is ignored.")
-    return notes
+#: Circular frequency (1/s) of what lies beyond a joint on its stops.
+STOP = 50.0
 
 
-def body_lines(body: Body, name: str, looks: bool) -> list:
-    note = printable(f"  # {body.name}") if name != body.name else ""
-    held = printable(f"  # with {', '.join(body.links[1:])}") if len(body.links) > 1 else ""
-    inertia = body.inertia
-    # Values within rounding of zero are set to zero.
-    rounding = 4*np.finfo(float).eps*np.max(np.abs(inertia))
-    entries = [inertia[i, j] if abs(inertia[i, j]) > rounding else 0.0 for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-    lines = [f"[body.{name}]{note}{held}", f"mass = {text_of(body.mass)}",
-             f"inertia = {text_of(entries if any(entries[3:]) else entries[:3])}", f"position = {text_of(body.place())}"]
-    if not np.array_equal(body.pose.a, np.eye(3)):
-        lines.append(f"euler_parameters = {text_of(euler_parameters(body.pose.a))}")
-    velocity = body.velocity + np.cross(body.omega, body.pose.a @ body.centre)
-    if np.any(velocity):
-        lines.append(f"velocity = {text_of(velocity)}")
-    if np.any(body.omega):
-        lines.append(f"omega = {text_of(body.omega)}")
-    lines.append(f"points = {{ origin = {text_of(-body.centre)} }}  # of the link's frame")
-    if looks and body.looks:
-        shown = [quoted(look_text(*look, body.centre)) for look in body.looks]
-        lines.append("looks = [" + ", ".join(shown) + "]")
-    return [*lines, ""]
+def beyond(robot: Robot, joint: Joint, body_of) -> float:
+    """A measure of the inertia that moves with a joint: of the body behind it."""
+    body = body_of[joint.child][0]
+    if joint.type == "prismatic":
+        return max(body.mass, 1e-6)
+    return max(float(np.trace(body.inertia))/2 + body.mass*float(body.centre @ body.centre), 1e-6)
 
 
-def joint_lines(joint: Joint, name: str, frame: Pose, body_of, body_name) -> list:
+def write_joint(scene: Scene, joint: Joint, name: str, frame: Pose, body_of, body_name) -> None:
     ends = [body_of[link][0] for link in (joint.parent, joint.child)]
-    texts = [quoted(body_name.get(id(end), "ground")) for end in ends]
-    note = printable(f"  # {joint.name}") if name != joint.name else ""
     at = frame.r if joint.type != "prismatic" else ends[1].pose.r
-    return [f"[joint.{name}]{note}", f'type = "{TYPES[joint.type]}"', f"bodies = [{', '.join(texts)}]", f"at = {text_of(at)}",
-            f"axis = {text_of(frame.a @ joint.axis)}", ""]
+    scene.add("joint", name, {"type": quoted(TYPES[joint.type]), "bodies": f"[{', '.join(quoted(body_name.get(id(end), 'ground')) for end in ends)}]",
+                              "at": text_of(at), "axis": text_of(frame.a @ joint.axis)}, joint.name)
 
 
-def coupling_lines(robot: Robot, moving, joint_name, names, at) -> list:
+def write_couplings(scene: Scene, robot: Robot, moving, joint_name) -> None:
     """q = multiplier q' + offset. The reference configuration satisfies this, so that relative to it the offset vanishes."""
-    lines = []
     for name in moving:
         mimic = robot.joints[name].mimic
         if mimic is None or robot.joints[name].type == "planar":
@@ -473,65 +319,5 @@ def coupling_lines(robot: Robot, moving, joint_name, names, at) -> list:
         if mimic[1] != 0 and robot.joints[mimic[0]].type in SCALAR:
             joints.append(joint_name[mimic[0]])
             factors.append(-mimic[1])
-        lines += [f"[constraint.{names.take(name, '_mimic')}]", 'type = "coupling"',
-                  f"joints = [{', '.join(map(quoted, joints))}]", f"factors = {text_of(factors)}", ""]
-    return lines
-
-
-def limit_lines(joint: Joint, name: str, x: float, events: Names) -> list:
-    what = "displacement" if joint.type == "prismatic" else "angle"
-    lines = []
-    for end, value, direction in (("lower", joint.lower, "falling"), ("upper", joint.upper, "rising")):
-        lines += ["[[event]]", f'name = "{events.take(name, "_" + end)}"', f'watch = "/joints/{name}/{what}"',
-                  f"value = {text_of(value - x)}", f'direction = "{direction}"', ""]
-    return lines
-
-
-def parse_coordinates(text: str | None) -> dict:
-    """joint=value,joint=value."""
-    found = {}
-    for part in (text or "").split(","):
-        if not part.strip():
-            continue
-        name, _, value = part.partition("=")
-        try:
-            found[name.strip()] = float(value)
-            if not math.isfinite(found[name.strip()]):
-                raise ValueError
-        except ValueError:
-            raise InputError(f'"{part}" should be JOINT=NUMBER') from None
-    return found
-
-
-def add_arguments(parser) -> None:
-    parser.add_argument("format", choices=["urdf", "mjcf"], help="format of the file")
-    parser.add_argument("file", metavar="FILE")
-    parser.add_argument("--output", metavar="PATH", help="the scene (the name of the file, .toml)")
-    parser.add_argument("--floating", action="store_true", help="the root is a free body, not the ground")
-    parser.add_argument("--at", metavar="JOINT=X,...", help="positions of joints (rad, m) in the reference configuration (0)")
-    parser.add_argument("--force", action="store_true", help="overwrite an existing file")
-
-
-def run(given) -> None:
-    if given.format != "urdf":
-        raise InputError("use mjcf.py for MuJoCo files")
-    target = Path(given.output or Path(given.file).with_suffix(".toml").name)
-    if target.exists() and not given.force:
-        raise InputError(f"{target} exists; name another by --output, or overwrite it by --force")
-    robot = read(given.file)
-    target.write_text(to_toml(robot, given.floating, parse_coordinates(given.at), source=Path(given.file).name), encoding="utf-8")
-    print(target)
-
-
-def main(words=None) -> int:
-    """python3 urdf.py FILE, where the package is not installed."""
-    import argparse
-
-    parser = argparse.ArgumentParser(prog="tandem import", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_arguments(parser)
-    given = parser.parse_args(words)
-    return guarded(lambda: run(given))
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+        scene.add("constraint", scene.names.take(name, "_mimic"), {"type": '"coupling"', "joints": f"[{', '.join(map(quoted, joints))}]",
+                                                                   "factors": text_of(factors)})

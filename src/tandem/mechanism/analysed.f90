@@ -2,10 +2,12 @@
 !> Queries of the analysis of small motions: rigid motions of a mechanism, partial time derivatives of its forces, and idle
 !> coordinates.
 submodule(tandem_mechanism) tandem_mechanism_analysed
+    use tandem_mechanism_coordinate, only: differentiate_coordinate
     use tandem_mechanism_force, only: spring_type, torsion_type
     use tandem_mechanism_formula, only: is_time
     use tandem_mechanism_law, only: law_item_type, law_rate_type
     use tandem_mechanism_load, only: load_type
+    use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     implicit none (type, external)
 
@@ -28,7 +30,7 @@ contains
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
         end do
-        call set_displacements(self%massless_wheels, 1, qd, self%pose)
+        call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
         call add_rates(self, t, value, stat)
     end procedure force_rate
 
@@ -99,6 +101,35 @@ contains
         load%motion = 0
         load%formula = 0
     end subroutine take_rate
+
+    module procedure start_sums
+        type(pose_type), allocatable :: pose(:)
+        type(coordinate_type) :: coordinate
+        real(wp) :: x(0:2), gradient(n_local, 0:2), total(0:1)
+        integer :: i, k
+
+        if (.not. any(self%couplings%sum > 0)) return
+        allocate (pose(0:ubound(self%pose, 1)), source=self%pose)
+        do i = 1, size(self%bodies)
+            if (self%planar .and. self%bodies(i)%turns) call set_angle(pose(i), self%bodies(i)%angle, &
+                cos(self%bodies(i)%angle), sin(self%bodies(i)%angle))
+            call set_position(pose(i), q)
+            call set_rates(pose(i), qd)
+        end do
+        do i = 1, size(self%couplings)
+            if (self%couplings(i)%sum == 0) cycle
+            total = 0.0_wp
+            do k = 1, self%couplings(i)%n - 1
+                coordinate = self%couplings(i)%coordinates(k)
+                call differentiate_coordinate(coordinate, pose, 1, 0, x, gradient)
+                total = total + self%couplings(i)%factors(k)*x(0:1)
+            end do
+            ! A sum may be a part of another one.
+            pose(self%couplings(i)%sum)%r(1, 0:1) = total
+            q(self%first(self%couplings(i)%sum)) = total(0)
+            qd(self%first(self%couplings(i)%sum)) = total(1)
+        end do
+    end procedure start_sums
 
     module procedure is_idle
         integer :: i

@@ -53,7 +53,7 @@ module tandem_mechanism_builder
         module subroutine add_joint(self, name, kind, first, second, error, at, axis, across, motion, open, pitch, hold, drive)
             implicit none (type, external)
             class(builder_type), intent(inout) :: self
-            !> Name and kind: fixed, revolute, prismatic, cylindrical, spherical, universal, planar, screw, point_on_line,
+            !> Name and kind: fixed, revolute, prismatic, cylindrical, spherical, universal, gimbal, planar, screw, point_on_line,
             !> point_on_plane, primitive; in the plane fixed, revolute, prismatic, point_on_line, primitive.
             character(len=*), intent(in) :: name, kind
             !> The two sides: bodies, or points of them.
@@ -91,11 +91,11 @@ module tandem_mechanism_builder
         !> Constrain a sum of joint coordinates: gears, racks, belts, screws. sum of factor_i x_i = f(t), from the reference
         !> configuration on. The force on a coordinate is factor_i times that along the sum, positive if it accelerates the
         !> coordinate.
-        module subroutine add_coupling(self, name, joints, factors, error, motion, locked)
+        module subroutine add_coupling(self, name, joints, factors, error, motion, locked, inertia)
             implicit none (type, external)
             class(builder_type), intent(inout) :: self
             character(len=*), intent(in) :: name
-            !> Joints, at most 4, `joint.angle` or `joint.displacement` for a joint with both coordinates; their factors (the unit
+            !> Joints, at most 8, `joint.angle` or `joint.displacement` for a joint with both coordinates; their factors (the unit
             !> of the row is the unit of the first factor times that of its coordinate).
             character(len=*), intent(in) :: joints(:)
             real(wp), intent(in) :: factors(:)
@@ -104,6 +104,9 @@ module tandem_mechanism_builder
             class(function_type), intent(in), optional :: motion
             !> State at the start. If present, events can lock and free the coupling, which then has a coordinate of its own.
             logical, intent(in), optional :: locked
+            !> Inertia of the sum >= 0 (kg m^2 if it is an angle). If present, the sum is free: a coordinate that forces and other
+            !> couplings may name by `name`.
+            real(wp), intent(in), optional :: inertia
         end subroutine add_coupling
 
         !> Add a row at velocity level by expressions: sum of c_i v_i = e, where c_i and e are expressions of t and of positions,

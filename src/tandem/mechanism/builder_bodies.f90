@@ -7,6 +7,9 @@ submodule(tandem_mechanism_builder) tandem_mechanism_builder_bodies
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
+    !> Parts of the largest moment of inertia below which negative ones are rounding.
+    real(wp), parameter :: rounding = 1.0e-12_wp
+
 contains
 
     module procedure add_body
@@ -154,6 +157,8 @@ contains
             end if
             do i = 1, 3
                 body%inertia(i, i) = inertia(i)
+                ! Rounding of a program that computed it.
+                if (inertia(i) < 0.0_wp .and. inertia(i) >= -rounding*maxval(abs(inertia))) body%inertia(i, i) = 0.0_wp
             end do
             if (size(inertia) == 6) then
                 body%is_principal = .false.
@@ -164,11 +169,8 @@ contains
                 body%inertia(3, 1) = inertia(5)
                 body%inertia(3, 2) = inertia(6)
             end if
-            if (any(inertia(:3) < 0.0_wp)) then
+            if (any([(body%inertia(i, i), i=1, 3)] < 0.0_wp)) then
                 call refuse(label//' has a negative moment of inertia', 'give values >= 0 in kg m^2', error)
-            else if (2*maxval(inertia(:3)) > sum(inertia(:3))*(1 + 1.0e-9_wp)) then
-                call refuse(label//' has a moment of inertia that is larger than the sum of the two others', &
-                    'this is impossible for a body: check the three values', error)
             else if (.not. is_semidefinite(body%inertia)) then
                 call refuse(label//' has an inertia that is negative about one of its principal axes', &
                     'check the products of inertia: none may exceed the square root of the product of its two moments', error)
@@ -179,7 +181,6 @@ contains
     !> True if every principal minor of a symmetric matrix with a nonnegative diagonal is nonnegative up to rounding.
     pure logical function is_semidefinite(a)
         real(wp), intent(in) :: a(3, 3)
-        real(wp), parameter :: rounding = 1.0e-12_wp
         real(wp) :: size_of
         integer :: i, k
 

@@ -2,7 +2,7 @@
 !> Builder procedures for joints and distances.
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_joints
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_displacement
+    use tandem_mechanism_coordinate, only: is_angle, is_displacement, is_elevation, slide_coordinate
     use tandem_mechanism_coupling, only: max_coupled
     use tandem_mechanism_formula, only: is_place, is_spin, is_time, is_turn, is_turn_rate, is_velocity
     use tandem_mechanism_joint, only: find_kind, kind_names, kind_type
@@ -135,6 +135,7 @@ contains
         if (allocated(error)) return
         joint%axes1 = matmul(transpose(a1), frame)
         joint%axes2 = matmul(transpose(a2), frame)
+        if (joint%kind%name == 'gimbal') call tilt_axes(dot_product(across, frame(:, 1))/norm2(across), joint%axes2)
         gap = matmul(r2 + matmul(a2, joint%s2) - r1 - matmul(a1, joint%s1), frame)
         do k = 1, merge(2, 3, self%planar)
             if (.not. joint%kind%held(k)) gap(k) = 0.0_wp
@@ -145,6 +146,64 @@ contains
         end if
     end procedure place_joint
 
+    !> Axes of a gimbal on its second body: the third one has this sine of the angle from the plane across the first axis.
+    pure subroutine tilt_axes(sine, axes)
+        real(wp), intent(in) :: sine
+        real(wp), intent(inout) :: axes(3, 3)
+        real(wp) :: cosine, first(3)
+
+        cosine = sqrt(1 - sine**2)
+        first = axes(:, 1)
+        axes(:, 1) = cosine*first - sine*axes(:, 3)
+        axes(:, 3) = sine*first + cosine*axes(:, 3)
+    end subroutine tilt_axes
+
+    !> Add the successive angles of a universal joint, about the axes of its bodies, or of a gimbal: about axis 1 of the first body,
+    !> axis 3 of the second one, and the axis perpendicular to both.
+    subroutine add_angles(self, joint)
+        class(builder_type), intent(inout) :: self
+        type(placed_joint_type), intent(inout) :: joint
+        type(coordinate_type) :: elevation
+        real(wp) :: r(3), a1(3, 3), a2(3, 3)
+
+        associate (e => joint%axes1, f => joint%axes2)
+            if (joint%kind%name == 'universal') then
+                call keep(1, angle(e(:, 2), f(:, 2), e(:, 3), f(:, 2)))
+                call keep(2, angle(e(:, 1), f(:, 1), e(:, 1), f(:, 3)))
+            else
+                call self%frame_of(joint%first, r, a1)
+                call self%frame_of(joint%second, r, a2)
+                elevation = angle(e(:, 1), f(:, 3), e(:, 1), f(:, 3))
+                elevation%kind = is_elevation
+                elevation%offset = asin(dot_product(matmul(a1, e(:, 1)), matmul(a2, f(:, 3))))
+                call keep(1, angle(e(:, 3), f(:, 3), -e(:, 2), f(:, 3)))
+                call keep(2, elevation)
+                call keep(3, angle(e(:, 1), f(:, 1), e(:, 1), -f(:, 2)))
+            end if
+        end associate
+
+    contains
+
+        !> Angle with the cosine a.b and the sine c.d, up to a common factor.
+        pure type(coordinate_type) function angle(a, b, c, d)
+            real(wp), intent(in) :: a(3), b(3), c(3), d(3)
+
+            angle = angle_in_space(joint, 1, 2)
+            angle%one%a = a
+            angle%one%b = b
+            angle%other%a = c
+            angle%other%b = d
+        end function angle
+
+        subroutine keep(k, coordinate)
+            integer, intent(in) :: k
+            type(coordinate_type), intent(in) :: coordinate
+
+            call keep_coordinate(self, coordinate)
+            joint%angles(k) = self%n_of%coordinates
+        end subroutine keep
+    end subroutine add_angles
+
     !> Add the coordinates of a joint with one rotation or one displacement, about or along its axis, from the reference
     !> configuration on.
     subroutine add_coordinates(self, joint)
@@ -154,6 +213,8 @@ contains
         integer :: axis
 
         axis = merge(1, 3, self%planar)
+        if (any(joint%kind%name == [character(len=9) :: 'universal', 'gimbal']) .and. turns(joint%first) .and. &
+            turns(joint%second)) call add_angles(self, joint)
         associate (held => joint%kind%held)
             if (merge(.not. held(3), all(held(4:5)) .and. .not. held(6), self%planar) .and. turns(joint%first) .and. &
                 turns(joint%second)) then
@@ -263,6 +324,15 @@ contains
         end if
         if (self%planar) then
             frame = reshape([a, cross(z, a), z], [3, 3])
+        else if (kind%name == 'gimbal') then
+            if (.not. present(across)) then
+                call refuse(label//' has one axis, and a gimbal has three: across is missing', &
+                    'give axis, about which it rotates first, and across, about which it rotates last', error)
+                return
+            end if
+            frame(:, 1) = a
+            frame(:, 2) = cross(b, a)/norm2(cross(b, a))
+            frame(:, 3) = cross(a, frame(:, 2))
         else if (kind%name == 'universal') then
             if (.not. present(across)) then
                 call refuse(label//' has one axis, and a universal joint has two: across is missing', &
@@ -405,9 +475,9 @@ contains
         label = 'coupling '//trim(name)
         call self%check_name(name, label, error)
         if (allocated(error)) return
-        if (size(joints) < 1 .or. size(joints) > max_coupled .or. size(factors) /= size(joints)) then
+        if (size(joints) < 1 .or. size(joints) > max_coupled - 1 .or. size(factors) /= size(joints)) then
             call refuse(label//' has '//to_text(size(joints))//' joints and '//to_text(size(factors))//' factors', &
-                'give 1 to '//to_text(max_coupled)//' of each', error)
+                'give 1 to '//to_text(max_coupled - 1)//' of each', error)
             return
         else if (.not. all(abs(factors) > 0.0_wp .and. ieee_is_finite(factors))) then
             call refuse(label//' has a factor that is zero or not finite', 'correct it, or remove the joint', error)
@@ -417,6 +487,13 @@ contains
             call self%find_coordinate(label, joints(i), numbers(i), error)
             if (allocated(error)) return
         end do
+        if (present(inertia)) then
+            if (present(motion) .or. present(locked) .or. .not. (inertia >= 0.0_wp .and. ieee_is_finite(inertia))) then
+                call refuse(label//' has an inertia that is negative, or with motion or locked', &
+                    'give an inertia >= 0 in kg m^2 or kg, and neither motion nor locked', error)
+                return
+            end if
+        end if
         motion_number = 0
         if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
         call couple(self, name, numbers(:size(joints)), factors, &
@@ -427,8 +504,29 @@ contains
                 coupling%is_locked = locked
             end associate
         end if
+        if (present(inertia)) call free_sum(self, self%couplings(self%n_of%couplings), inertia)
         call self%keep_name(name, of_row, self%n_of%couplings)
     end procedure add_coupling
+
+    !> Make the sum of a coupling a coordinate with an inertia.
+    subroutine free_sum(self, coupling, inertia)
+        class(builder_type), intent(inout) :: self
+        type(coupling_type), intent(inout) :: coupling
+        real(wp), intent(in) :: inertia
+
+        ! `define` numbers the poses of such coordinates, which follow those of all bodies.
+        self%n_of%slides = self%n_of%slides + 1
+        coupling%sum = -self%n_of%slides
+        coupling%inertia = inertia
+        self%n_of%coordinates = self%n_of%coordinates + 1
+        coupling%displacement = self%n_of%coordinates
+        if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, &
+            slide_coordinate(coupling%sum)]
+        self%coordinates(self%n_of%coordinates) = slide_coordinate(coupling%sum)
+        coupling%n = coupling%n + 1
+        coupling%coordinates(coupling%n) = slide_coordinate(coupling%sum)
+        coupling%factors(coupling%n) = -1.0_wp
+    end subroutine free_sum
 
     !> Add the row of a coupling.
     subroutine couple(self, name, numbers, factors, unit, motion)

@@ -2,7 +2,7 @@
 !> Builder procedure for massless wheels.
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_massless_wheel
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_displacement
+    use tandem_mechanism_coordinate, only: slide_coordinate
     use tandem_mechanism_massless_wheel, only: find_contact_point
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_refusal, only: refuse
@@ -75,8 +75,7 @@ contains
             ! `define` numbers the poses of sliding parts, which follow those of all bodies.
             self%n_of%slides = self%n_of%slides + 1
             wheel%slide = -self%n_of%slides
-            strut = coordinate_type(kind=is_displacement, second=wheel%slide, one=perpendicular_type(second=wheel%slide, &
-                is_point=.true., a=[1.0_wp, 0.0_wp, 0.0_wp]))
+            strut = slide_coordinate(wheel%slide)
             self%n_of%coordinates = self%n_of%coordinates + 1
             if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, strut]
             self%coordinates(self%n_of%coordinates) = strut

@@ -204,7 +204,7 @@ contains
     module procedure add_force_sensor
         integer, parameter :: types(4) = [of_spring, of_torsion, of_bushing, of_load]
         type(sensor_type) :: sensor
-        integer :: k, first, second
+        integer :: i, k, first, second
 
         sensor%kind = sensed_force
         if (present(group)) sensor%group = group
@@ -227,7 +227,11 @@ contains
                 first = coordinate%first
                 second = coordinate%second
                 ! The displacement of a wheel belongs to no body: the force is between the wheel and the body that carries it.
-                if (second < 0) first = self%massless_wheels(findloc(self%massless_wheels%slide, second, dim=1))%body
+                ! A sum belongs to no body at all.
+                if (second < 0) then
+                    i = findloc(self%massless_wheels%slide, second, dim=1)
+                    if (i > 0) first = self%massless_wheels(i)%body
+                end if
                 sensor%slides = coordinate%kind == is_displacement
             end associate
             sensor%has_reaction_friction = self%torsions(sensor%number)%reaction%n > 0
@@ -324,8 +328,11 @@ contains
         if (body > 0) name = self%bodies(body)%name
         if (body >= 0) return
         do i = 1, self%index_of%names%n
-            if (self%types(i) /= of_massless_wheel) cycle
-            if (self%massless_wheels(self%numbers(i))%slide == body) name = self%index_of%names%name(i)
+            if (self%types(i) == of_massless_wheel) then
+                if (self%massless_wheels(self%numbers(i))%slide == body) name = self%index_of%names%name(i)
+            else if (self%types(i) == of_row .and. self%numbers(i) > 0) then
+                if (self%couplings(self%numbers(i))%sum == body) name = self%index_of%names%name(i)
+            end if
         end do
     end function name_of
 

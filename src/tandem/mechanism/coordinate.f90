@@ -18,12 +18,13 @@ module tandem_mechanism_coordinate
     private
 
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
-    public :: pi, is_displacement, is_distance, is_angle, is_tilt
+    public :: slide_coordinate, pi, is_displacement, is_distance, is_angle, is_tilt, is_elevation
 
     !> Kinds of coordinates: displacement, the scalar product `one` (m); distance (m); angle (rad) whose cosine and sine are the
     !> scalar products `one` and `other`, in the plane the difference of two angles; small angle (one - other)/2, which is the sine
-    !> of the angle about the third axis if this axis is common to both bodies.
-    integer, parameter :: is_displacement = 1, is_distance = 2, is_angle = 3, is_tilt = 4
+    !> of the angle about the third axis if this axis is common to both bodies; angle between -pi/2 and pi/2 (rad) whose sine is
+    !> `one`.
+    integer, parameter :: is_displacement = 1, is_distance = 2, is_angle = 3, is_tilt = 4, is_elevation = 5
 
     type :: coordinate_type
         integer :: kind = is_displacement
@@ -49,6 +50,17 @@ module tandem_mechanism_coordinate
     real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
+
+    !> Displacement of a part with one coordinate, which is no body.
+    pure function slide_coordinate(pose) result(coordinate)
+        integer, intent(in) :: pose
+        type(coordinate_type) :: coordinate
+
+        coordinate%second = pose
+        coordinate%one%second = pose
+        coordinate%one%is_point = .true.
+        coordinate%one%a(1) = 1.0_wp
+    end function slide_coordinate
 
     !> Value of the coordinate only.
     pure subroutine measure(self, pose, x)
@@ -94,6 +106,7 @@ contains
                 call set_vectors(self%other, pose, 0, a, d)
                 x = (x - product_rate(a, d, 0))/2
             end if
+            if (self%kind == is_elevation) x = asin(max(-1.0_wp, min(1.0_wp, x)))
         end select
         x = x - self%offset
     end subroutine measure_apart
@@ -262,6 +275,8 @@ contains
             end if
         case (is_tilt)
             call differentiate_tilt(self, pose, max(last, gradients), x, gradient, second)
+        case (is_elevation)
+            call differentiate_elevation(self, pose, max(last, gradients), x, gradient, second)
         case default
             call set_vectors(self%one, pose, max(last, gradients), a, d)
             do k = 0, last
@@ -352,6 +367,40 @@ contains
             second(:, j) = (aimag(inv_z)*c_qq(:, j) + real(inv_z)*s_qq(:, j)) - (re*im(j) + im*re(j))
         end do
     end subroutine differentiate_angle
+
+    !> x = asin(s): x_q = s_q/c with c = cos(x), and so on for the derivatives along the motion. Not finite at +-pi/2.
+    pure subroutine differentiate_elevation(self, pose, last, x, gradient, second)
+        type(coordinate_type), intent(in) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(in) :: last
+        real(wp), intent(inout) :: x(0:2), gradient(n_local, 0:2)
+        real(wp), intent(out), optional :: second(n_local, n_local)
+        real(wp) :: a(3, 0:2), d(3, 0:2), s(0:2), f(3)
+        integer :: k
+
+        s = 0.0_wp
+        call set_vectors(self%one, pose, last, a, d)
+        do k = 0, last
+            s(k) = product_rate(a, d, k)
+        end do
+        call dot_gradient(self%one, pose, last, a, d, gradient)
+        ! Derivatives of the arc sine.
+        f(1) = 1/sqrt(max(1 - s(0)**2, 0.0_wp))
+        f(2) = s(0)*f(1)**3
+        f(3) = (1 + 2*s(0)**2)*f(1)**5
+        x = [asin(max(-1.0_wp, min(1.0_wp, s(0)))) - self%offset, f(1)*s(1), f(1)*s(2) + f(2)*s(1)**2]
+        if (present(second)) then
+            call dot_second(self%one, pose, a, d, second)
+            second = f(1)*second
+            call add_outer(f(2), gradient(:, 0), gradient(:, 0), second)
+        end if
+        do k = 1, n_local
+            if (last > 1) gradient(k, 2) = f(1)*gradient(k, 2) + 2*f(2)*s(1)*gradient(k, 1) + &
+                (f(3)*s(1)**2 + f(2)*s(2))*gradient(k, 0)
+            if (last > 0) gradient(k, 1) = f(1)*gradient(k, 1) + f(2)*s(1)*gradient(k, 0)
+            gradient(k, 0) = f(1)*gradient(k, 0)
+        end do
+    end subroutine differentiate_elevation
 
     pure subroutine differentiate_tilt(self, pose, last, x, gradient, second)
         type(coordinate_type), intent(in) :: self

@@ -21,8 +21,8 @@ module tandem_mechanism_coupling
 
     public :: coupling_type, max_coupled, evaluate_couplings, differentiate_couplings, lock_coupling
 
-    !> Largest number of coordinates of one row.
-    integer, parameter :: max_coupled = 4
+    !> Largest number of coordinates of one row, including a sum that is a coordinate.
+    integer, parameter :: max_coupled = 9
 
     !> A sum of factors times joint coordinates, which a row keeps equal to 0 or to a function of time.
     type :: coupling_type
@@ -39,6 +39,11 @@ module tandem_mechanism_coupling
         integer :: slack = 0, slack_column = 0
         real(wp) :: slack_mass = 1.0_wp
         real(wp) :: at = 0.0_wp
+        !> Sum that is a coordinate with an inertia, such as the angle of a rotor: the last coordinate of the row, with the factor
+        !> -1. Its pose, 0 for all other rows; its inertia; index of the coordinate.
+        integer :: sum = 0
+        real(wp) :: inertia = 0.0_wp
+        integer :: displacement = 0
     end type coupling_type
 
     !> A sum of factors times numbers of turns, with its rounding error.

@@ -23,7 +23,7 @@ module tandem_mechanism_definition
     use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_rolling, only: knife_edge_type, roller_type
     use tandem_mechanism_row_list, only: row_list_type
-    use tandem_mechanism_sensor, only: of_joint, of_massless_wheel, sensor_type
+    use tandem_mechanism_sensor, only: of_joint, of_massless_wheel, of_row, sensor_type
     use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_model, only: model_type
     use tandem_name_index, only: name_index_type
@@ -460,12 +460,17 @@ contains
         else if (type_of == of_massless_wheel) then
             turn = 0
             way = self%massless_wheels(k)%displacement
+        else if (type_of == of_row .and. k > 0) then
+            turn = 0
+            way = self%couplings(k)%displacement
         else
             call refuse(label//': there is no joint '//text(:dot - 1), 'define the joint first', error)
             return
         end if
         if (text(dot:) == '.angle') then
             number = turn
+        else if (any(text(dot:) == ['.angle1', '.angle2', '.angle3']) .and. type_of == of_joint) then
+            number = self%joints(k)%angles(index('123', text(dot + 6:dot + 6)))
         else if (text(dot:) == '.displacement') then
             number = way
         else if (dot > len_trim(text) .and. turn > 0 .and. way > 0) then
@@ -475,9 +480,19 @@ contains
         else if (dot > len_trim(text)) then
             number = max(turn, way)
         end if
-        if (number == 0) call refuse(label//': '//merge('the joint', 'the wheel', type_of == of_joint)//' '//text(:dot - 1)// &
+        if (number == 0) call refuse(label//': '//sort_of(type_of)//' '//text(:dot - 1)// &
             ' has no coordinate', 'name a joint that rotates or slides, and its .angle or .displacement', error)
     end subroutine find_coordinate
+
+    !> Sort of an element that may have a coordinate.
+    pure function sort_of(type_of) result(sort)
+        integer, intent(in) :: type_of
+        character(len=:), allocatable :: sort
+
+        sort = 'the coupling'
+        if (type_of == of_joint) sort = 'the joint'
+        if (type_of == of_massless_wheel) sort = 'the wheel'
+    end function sort_of
 
     !> Position and rotation of a body in the reference configuration.
     pure subroutine frame_of(self, body, r, a)

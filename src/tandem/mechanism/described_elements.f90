@@ -28,7 +28,7 @@ contains
         character(len=:), allocatable :: kind, name
         character(len=key_length) :: points(2)
         character(len=text_length), allocatable :: texts(:)
-        real(wp), allocatable :: length, factors(:)
+        real(wp), allocatable :: length, factors(:), inertia
         class(function_type), allocatable :: motion
         type(expression_type), allocatable :: coefficients(:), rhs(:)
         character(len=key_length), allocatable :: variables(:)
@@ -56,6 +56,8 @@ contains
             if (allocated(texts)) call reader%get_numbers('factors', [size(texts)], factors, anything, '', &
                 'one for each joint', required=.true.)
             call reader%get_function('motion', motion, '', 'of time')
+            call reader%get_number('inertia', inertia, not_negative, 'kg m^2 or kg', &
+                'makes the sum a free coordinate with this inertia, on which forces may act')
             if (reader%gives('locked')) locked = .true.
             if (allocated(locked)) call reader%get('locked', locked, 'true: initially locked; events lock and free it')
         case default
@@ -73,7 +75,7 @@ contains
         case ('distance')
             call mechanism%add_distance(name, trim(points(1)), trim(points(2)), error, length, motion)
         case ('coupling')
-            call mechanism%add_coupling(name, texts, factors, error, motion, locked)
+            call mechanism%add_coupling(name, texts, factors, error, motion, locked, inertia)
         case default
             if (allocated(rhs)) then
                 call mechanism%add_rate_row(name, texts, coefficients, error, rhs(1))

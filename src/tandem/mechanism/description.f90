@@ -402,7 +402,7 @@ contains
         character(len=key_length) :: sides(2), point
         character(len=text_length), allocatable :: texts(:)
         character(len=:), allocatable :: kind, name, at_point, named
-        real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:)
+        real(wp), allocatable :: at(:), axis(:), across(:), pitch, freedoms(:), rotor
         integer, allocatable :: hold(:), drive
         class(function_type), allocatable :: motion
         type(error_type), allocatable :: error
@@ -449,11 +449,15 @@ contains
         call reader%get_numbers('hold', [merge(3, 6, mechanism%planar)], freedoms, anything, '', &
             'of a primitive: for each direction 0 free, 1 constrained at position level, 2 at velocity level')
         call read_drive(reader, mechanism%planar, drive)
+        call reader%get_number('rotor_inertia', rotor, not_negative, 'kg m^2 or kg', &
+            'of a rotor: the kinetic energy is half of it times the squared rate of the joint')
         call reader%close_table()
         if (reader%failed()) return
         if (allocated(freedoms)) hold = nint(freedoms)
         call mechanism%add_joint(name, kind, trim(sides(1)), trim(sides(2)), error, at, axis, across, motion, may_be_open, pitch, &
             hold, drive)
+        if (.not. allocated(error) .and. allocated(rotor)) call mechanism%add_coupling(name//'_rotor', &
+            [name], [1.0_wp], error, inertia=rotor)
         call reader%blame(error)
     end subroutine read_joint
 

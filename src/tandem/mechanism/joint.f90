@@ -42,6 +42,8 @@ module tandem_mechanism_joint
         integer :: row = 0, n_rows = 0
         !> Indices of its coordinates: rotation angle about its axis and displacement along its axis, 0 if none.
         integer :: rotation = 0, displacement = 0
+        !> Indices of the successive angles of a universal joint or a gimbal, 0 if none.
+        integer :: angles(3) = 0
         !> Freedom that a function of time drives by a holonomic row, 0 if none; index of the function.
         integer :: driven = 0, motion = 0
     end type joint_type
@@ -58,13 +60,14 @@ module tandem_mechanism_joint
     end type placed_joint_type
 
     logical, parameter :: o = .true.
-    type(kind_type), parameter :: in_space(11) = [ &
+    type(kind_type), parameter :: in_space(12) = [ &
         kind_type('fixed', [o, o, o, o, o, o], 0, .false.), &
         kind_type('revolute', [o, o, o, o, o, free], 6, .true.), &
         kind_type('prismatic', [o, o, free, o, o, o], 3, .true.), &
         kind_type('cylindrical', [o, o, free, o, o, free], 0, .true.), &
         kind_type('spherical', [o, o, o, free, free, free], 0, .false.), &
         kind_type('universal', [o, o, o, free, free, o], 0, .true.), &
+        kind_type('gimbal', [o, o, o, free, free, free], 0, .true.), &
         kind_type('screw', [o, o, free, o, o, free], 0, .true.), &
         kind_type('primitive', free, 0, .false.), &
         kind_type('planar', [free, free, o, o, o, free], 0, .true.), &

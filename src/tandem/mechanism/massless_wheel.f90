@@ -18,7 +18,7 @@ module tandem_mechanism_massless_wheel
     implicit none (type, external)
     private
 
-    public :: massless_wheel_type, set_displacements, find_contact_point, evaluate_massless_wheels, differentiate_massless_wheels
+    public :: massless_wheel_type, find_contact_point, evaluate_massless_wheels, differentiate_massless_wheels
 
     !> Massless wheel on a body. It touches a plane, does not slip sideways, rotates freely, and may be steered and slide along a
     !> strut.
@@ -58,25 +58,6 @@ module tandem_mechanism_massless_wheel
         1.0_wp, 2.0_wp, 1.0_wp], [3, 3])
 
 contains
-
-    !> Set the displacements of wheels, or their derivatives.
-    pure subroutine set_displacements(wheels, k, values, pose)
-        type(massless_wheel_type), intent(in) :: wheels(:)
-        !> Order of the derivative, 0 for the value. Order 1 also sets the second derivative for qdd = 0.
-        integer, intent(in) :: k
-        !> Values of all coordinates, or of their derivatives.
-        real(wp), intent(in) :: values(:)
-        type(pose_type), intent(inout) :: pose(0:)
-        integer :: i
-
-        do i = 1, size(wheels)
-            if (wheels(i)%slide == 0) cycle
-            associate (slide => pose(wheels(i)%slide))
-                slide%r(1, k) = values(slide%place)
-                if (k == 1) slide%r(1, 2) = 0.0_wp
-            end associate
-        end do
-    end subroutine set_displacements
 
     !> Axle in the body frame, with its derivatives with respect to time.
     pure subroutine steer_axle(wheel, f, axle)

@@ -77,7 +77,7 @@ contains
             do i = 1, size(self%bodies)
                 call set_accelerations(self%pose(i), qdd)
             end do
-            call set_displacements(self%massless_wheels, 2, qdd, self%pose)
+            call set_displacements(self%pose(size(self%bodies) + 1:), 2, qdd)
         end if
         with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
         if (with_reactions .and. allocated(self%state%asked)) then
@@ -132,7 +132,7 @@ contains
         do i = 1, size(self%bodies)
             call set_rates(self%pose(i), qd)
         end do
-        call set_displacements(self%massless_wheels, 1, qd, self%pose)
+        call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
     end subroutine set_poses
 
     !> Kinetic and potential energy for a sensor: of the mechanism, or of a body.
@@ -149,6 +149,10 @@ contains
         case (sensed_energy, sensed_balance)
             do i = 1, size(self%bodies)
                 energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
+            end do
+            do i = 1, size(self%couplings)
+                if (self%couplings(i)%sum > 0) energies(1) = energies(1) + &
+                    self%couplings(i)%inertia*self%pose(self%couplings(i)%sum)%r(1, 1)**2/2
             end do
             call self%potential_energy(t, q, energies(2), stat)
         case (sensed_body)

@@ -3,7 +3,7 @@
 !> gamma and exact gradient blocks.
 !>
 !> q contains the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the position only for a point
-!> mass; then the displacements of massless wheels, and the slacks of couplings.
+!> mass; then the displacements of massless wheels and the sums of couplings with an inertia, and the slacks of couplings.
 !>
 !> Rows: joints and distances in the order of their definition, one row for the Euler parameters of each rotating body, then the
 !> rows at velocity level.
@@ -24,9 +24,9 @@ module tandem_mechanism
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
     use tandem_mechanism_load, only: add_loads, differentiate_loads
-    use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels, set_displacements
+    use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels
     use tandem_mechanism_pin, only: angles_type, evaluate_pins, pin_type
-    use tandem_mechanism_pose, only: pose_type, set_angle, set_accelerations, set_position, set_rates
+    use tandem_mechanism_pose, only: pose_type, set_angle, set_accelerations, set_displacements, set_position, set_rates
     use tandem_mechanism_rate_row, only: differentiate_rate_rows, evaluate_rate_rows
     use tandem_mechanism_rolling, only: differentiate_knife_edges, differentiate_rollers, evaluate_knife_edges, evaluate_rollers
     use tandem_mechanism_formula, only: is_joint
@@ -111,6 +111,12 @@ module tandem_mechanism
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine set_scales
+
+        !> Doubt inertias that no body has: a moment larger than the sum of the two others.
+        module subroutine doubt_inertias(self)
+            implicit none (type, external)
+            class(mechanism_type), intent(inout) :: self
+        end subroutine doubt_inertias
 
         !> Sizes of the coordinates in rows of Phi. After many turns of a body in the plane, rounding of its angle moves its points
         !> as far as rounding of an equally large position.
@@ -320,6 +326,13 @@ module tandem_mechanism
             real(wp), intent(out) :: value(:), gradient(:, :)
         end subroutine normal_forces
 
+        !> Set the sums that are coordinates at the start: those of the coordinates of joints and of their rates.
+        pure module subroutine start_sums(self, q, qd)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            real(wp), intent(inout) :: q(:), qd(:)
+        end subroutine start_sums
+
         !> True for the slacks of locked couplings.
         pure module function is_idle(self)
             implicit none (type, external)
@@ -355,6 +368,7 @@ contains
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
         call set_scales(self)
+        call doubt_inertias(self)
         call number_rows(self)
         call self%held%close()
         call self%rolling%close()
@@ -454,6 +468,7 @@ contains
                 end if
             end associate
         end do
+        call start_sums(self, q, qd)
     end subroutine start
 
     !> Evaluate any set of terms.
@@ -511,9 +526,9 @@ contains
                 end do
             end if
         end if
-        if (size(self%massless_wheels) > 0) then
-            call set_displacements(self%massless_wheels, 0, q, self%pose)
-            if (iand(need, need_gamma + need_force) /= 0) call set_displacements(self%massless_wheels, 1, qd, self%pose)
+        if (self%n_of%slides > 0) then
+            call set_displacements(self%pose(size(self%bodies) + 1:), 0, q)
+            if (iand(need, need_gamma + need_force) /= 0) call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
         end if
         call evaluate_functions(self, t)
         if (follows) call follow_turns(self)
@@ -571,6 +586,9 @@ contains
             do i = 1, size(self%couplings)
                 k = self%couplings(i)%slack
                 if (k > 0) terms%mass(k, merge(1, k, terms%is_compressed)) = self%couplings(i)%slack_mass
+                if (self%couplings(i)%sum == 0) cycle
+                k = self%first(self%couplings(i)%sum)
+                terms%mass(k, merge(1, k, terms%is_compressed)) = self%couplings(i)%inertia
             end do
         end if
         if (iand(need, need_force) == 0) return
@@ -661,9 +679,9 @@ contains
             call set_rates(self%pose(i), qd)
             call set_accelerations(self%pose(i), qdd)
         end do
-        call set_displacements(self%massless_wheels, 0, q, self%pose)
-        call set_displacements(self%massless_wheels, 1, qd, self%pose)
-        call set_displacements(self%massless_wheels, 2, qdd, self%pose)
+        call set_displacements(self%pose(size(self%bodies) + 1:), 0, q)
+        call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
+        call set_displacements(self%pose(size(self%bodies) + 1:), 2, qdd)
         call evaluate_functions(self, t)
     end subroutine set_motion
 
@@ -683,7 +701,7 @@ contains
             value = -dot_product(self%weight, q)
             if (size(self%springs) + size(self%torsions) + size(self%bushings) == 0) return
             call set_places(self, q)
-            call set_displacements(self%massless_wheels, 0, q, self%pose)
+            call set_displacements(self%pose(size(self%bodies) + 1:), 0, q)
             do i = 1, size(self%springs)
                 value = value + spring_energy(self%springs(i), self%pose)
             end do

@@ -4,7 +4,7 @@
 submodule(tandem_mechanism) tandem_mechanism_numbering
     use tandem_kinds, only: lane
     use tandem_model, only: its_unit, name_of_coordinate, unit_of_its_multiplier
-    use tandem_mechanism_coordinate, only: coordinate_type
+    use tandem_mechanism_coordinate, only: coordinate_type, is_displacement
     use tandem_mechanism_hinge, only: gather_hinges
     use tandem_mechanism_hinge_group, only: find_hinge_blocks, gather_hinge_groups, place_hinge_groups
     use tandem_mechanism_incidence, only: list_incidence
@@ -20,10 +20,10 @@ contains
 
         call number_slides(self)
         if (allocated(self%pose)) deallocate (self%pose)
-        ! At most seven per body, and one per coupling or sliding wheel.
-        allocate (blocks(7*size(self%bodies) + size(self%couplings) + size(self%massless_wheels)), source=0)
+        ! At most seven per body, and one per slack, sum or sliding wheel.
+        allocate (blocks(7*size(self%bodies) + size(self%couplings) + self%n_of%slides), source=0)
         self%turning = pack([(i, i=1, size(self%bodies))], self%bodies%turns .and. .not. self%planar)
-        self%first = spread(1, 1, size(self%bodies) + count(self%massless_wheels%slide > 0) + 1)
+        self%first = spread(1, 1, size(self%bodies) + self%n_of%slides + 1)
         n = 0
         do i = 1, size(self%first) - 1
             k = 1
@@ -158,9 +158,12 @@ contains
         k = i - self%first(from) + 1
         if (from > size(self%bodies)) then
             label = 'm'
+            k = findloc(self%couplings%sum, from, dim=1)
+            if (k > 0) label = merge('m  ', 'rad', self%couplings(k)%coordinates(1)%kind == is_displacement)
             if (is_unit) return
             k = findloc(self%massless_wheels%slide, from, dim=1)
-            label = element_name(self, self%massless_wheels(k)%height_row)//'.displacement'
+            if (k > 0) label = element_name(self, self%massless_wheels(k)%height_row)//'.displacement'
+            if (k == 0) label = trim(self%held%name(self%couplings(findloc(self%couplings%sum, from, dim=1))%row))//'.displacement'
         else if (k <= merge(2, 3, self%planar)) then
             label = 'm'
             if (.not. is_unit) label = trim(self%bodies(from)%name)//'.'//places(k)
@@ -191,6 +194,7 @@ contains
             call renumber(self%torsions(i)%coordinate)
         end do
         do i = 1, size(self%couplings)
+            call put_behind(self%couplings(i)%sum)
             do k = 1, self%couplings(i)%n
                 call renumber(self%couplings(i)%coordinates(k))
             end do

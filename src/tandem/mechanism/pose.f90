@@ -14,7 +14,7 @@ module tandem_mechanism_pose
     private
 
     public :: pose_type, turn, turned, gradient_of, gradient_matrix, second_gradient
-    public :: set_angle, set_position, set_rates, set_accelerations
+    public :: set_angle, set_displacements, set_position, set_rates, set_accelerations
 
     !> Pose of a body; the default is the pose of the ground.
     type :: pose_type
@@ -82,6 +82,21 @@ contains
             is_equal = x <= y .and. x >= y
         end function is_equal
     end subroutine set_position
+
+    !> Set parts with one coordinate, their displacement, or a derivative of it.
+    pure subroutine set_displacements(poses, k, values)
+        type(pose_type), intent(inout) :: poses(:)
+        !> Order of the derivative, 0 for the value. Order 1 also sets the second derivative for qdd = 0.
+        integer, intent(in) :: k
+        !> Values of all coordinates.
+        real(wp), intent(in) :: values(:)
+        integer :: i
+
+        do i = 1, size(poses)
+            poses(i)%r(1, k) = values(poses(i)%place)
+            if (k == 1) poses(i)%r(1, 2) = 0.0_wp
+        end do
+    end subroutine set_displacements
 
     !> Set first derivatives for qd, and second derivatives for qdd = 0.
     pure subroutine set_rates(self, qd)

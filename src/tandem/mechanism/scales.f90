@@ -1,7 +1,8 @@
 ! SPDX-License-Identifier: MIT
 !> Natural scales of a mechanism, derived from its own dimensions, so that runs take the same steps in any system of units.
 submodule(tandem_mechanism) tandem_mechanism_scales
-    use tandem_mechanism_coordinate, only: is_angle, is_tilt, pi
+    use tandem_error, only: to_text
+    use tandem_mechanism_coordinate, only: is_angle, is_elevation, is_tilt, pi
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_point_vector, only: point_vector_type
     implicit none (type, external)
@@ -32,8 +33,9 @@ contains
         end do
         do i = 1, size(self%couplings)
             associate (it => self%couplings(i))
-                if (it%slack == 0) cycle
                 unit = size_of_sum(self, it)
+                if (it%sum > 0) self%coordinate_scale(self%first(it%sum)) = unit
+                if (it%slack == 0) cycle
                 mass = sum(self%bodies%mass)/size(self%bodies)*(self%size_of_bodies/unit)**2
                 if (.not. (mass > 0.0_wp .and. mass <= huge(1.0_wp))) cycle
                 self%coordinate_scale(it%slack) = unit
@@ -46,6 +48,26 @@ contains
             if (self%bodies(i)%turns) self%coordinate_period(self%first(i) + 2) = 2*pi
         end do
     end procedure set_scales
+
+    module procedure doubt_inertias
+        real(wp), parameter :: rounding = 1.0e-9_wp
+        logical :: is_doubtful(size(self%bodies))
+        character(len=:), allocatable :: others
+        integer :: i, k
+
+        if (self%planar) return
+        do i = 1, size(self%bodies)
+            associate (j => self%bodies(i)%inertia)
+                is_doubtful(i) = 2*max(j(1, 1), j(2, 2), j(3, 3)) > (j(1, 1) + j(2, 2) + j(3, 3))*(1 + rounding)
+            end associate
+        end do
+        k = findloc(is_doubtful, .true., dim=1)
+        if (k == 0) return
+        others = ''
+        if (count(is_doubtful) > 1) others = ', as '//to_text(count(is_doubtful) - 1)//' others,'
+        self%doubt = 'body '//trim(self%bodies(k)%name)//others// &
+            ' has a moment of inertia that is larger than the sum of the two others, which is impossible: check the three values'
+    end procedure doubt_inertias
 
     !> Time scale: about half a period of a pendulum of typical length. Without gravity it is the time in which bodies and drives
     !> move by 4 rad, or by four lengths, with their initial rates and accelerations. If these are only rounding errors of springs
@@ -80,8 +102,9 @@ contains
         integer :: k
 
         unit = 0.0_wp
-        do k = 1, it%n
-            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, any(it%coordinates(k)%kind == [is_angle, is_tilt]))
+        do k = 1, it%n - merge(1, 0, it%sum > 0)
+            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, &
+                any(it%coordinates(k)%kind == [is_angle, is_elevation, is_tilt]))
         end do
     end function size_of_sum
 
@@ -168,14 +191,15 @@ contains
         end do
         do i = 1, size(self%torsions)
             associate (it => self%torsions(i))
-                square = max(square, it%stiffness/merge(inertia, mass, any(it%coordinate%kind == [is_angle, is_tilt])))
+                square = max(square, it%stiffness/merge(inertia, mass, &
+                    any(it%coordinate%kind == [is_angle, is_elevation, is_tilt])))
             end associate
         end do
         do i = 1, size(self%bushings)
             associate (it => self%bushings(i))
                 do k = 1, it%n
                     square = max(square, it%stiffness(k, k)/merge(inertia, mass, &
-                        any(it%coordinates(k)%kind == [is_angle, is_tilt])))
+                        any(it%coordinates(k)%kind == [is_angle, is_elevation, is_tilt])))
                 end do
             end associate
         end do

@@ -402,7 +402,7 @@ def add_joints(mechanism: Mechanism, drawing: Drawing, joints: list, size: float
         kind = keys.get("type", "")
         axis = mechanism.vector(keys["axis"]) if "axis" in keys else np.array([0.0, 0, 1])
         rotation = rotation_onto(mechanism.axis_in_body(body.name, axis))
-        if kind in ("spherical", "universal", "point_on_plane", "point_on_line", "planar"):
+        if kind in ("spherical", "universal", "gimbal", "point_on_plane", "point_on_line", "planar"):
             body.pieces.append(Piece("sphere", (radius,)*3, colour, at))
         elif kind in ("prismatic", "cylindrical", "screw") or kind == "fixed":
             if mechanism.planar:
