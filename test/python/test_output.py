@@ -912,7 +912,7 @@ class SceneErrors(Case):
         done = self.refused_file(['unknown key "masss" in [model]', "masss = 3", 'did you mean "mass"?'], 6, model="masss = 3")
         self.assertIn("the keys of [model]: mass, inertia, radius, gravity", done.stderr)
         done = self.refused_file(['unknown key "btol"', 'did you mean "Btol"?'], 6, solver="btol = 1e-9")
-        self.assertIn("stepper, step, rtol, atol, rtol_qd, atol_qd, first_step, max_step, chart_kind, chart, refresh, basis, projection, constraint_tolerance, utol, Btol, Htol, intol, v_limit", done.stderr)
+        self.assertIn("stepper, step, rtol, atol, rtol_qd, atol_qd, first_step, max_step, chart_kind, chart, refresh, basis, projection, singular, constraint_tolerance, utol, Btol, Htol, intol, v_limit", done.stderr)
         self.refused_file("the keys of [initial]: omega, tilt, q, qd", 6, initial="x = 1")
         self.refused_file("the keys of [output]: file, every, interval, rows, flush, fields", 6, output="x = 1")
         self.refused_file("the keys of [time]: start, end", 5, time="end = 1\nx = 1")

@@ -19,6 +19,8 @@ module tandem_simulate_error_warnings
     !> Runs with less processor time (s) are short enough to be repeated for an error estimate. Wall time would make warnings depend
     !> on the load of the machine.
     real(wp), parameter :: short_run = 2.0_wp
+    !> Steps over singular configurations cause an error if one of them has at least this part of it.
+    real(wp), parameter :: of_crossings = 0.1_wp
 
 contains
 
@@ -87,6 +89,8 @@ contains
             else if (statistics%local_error_steps > 0) then
                 cause = ', the accumulated errors of its steps'//advice
             end if
+            if (statistics%crossing_error > of_crossings*largest) cause = &
+                ', due to the singular configurations that the run passes: another rtol passes them at other distances'
             if (is_contradicted) cause = contradicted
             if (options%is_adaptive() .and. largest > times*tolerance) then
                 call add_warning(warnings, 'the error reaches '//two_digits(largest/tolerance)//' times the tolerance'//cause)
