@@ -221,7 +221,7 @@ static void test_names(void)
     struct bowl b = new_bowl();
     tandem_problem *p = bowl_problem(&b);
     tandem_start(p, 0, bowl_q, bowl_qd);
-    check("every-statistic-is-known", takes_all(p, 2) == 72, tandem_message(p));
+    check("every-statistic-is-known", takes_all(p, 2) == 74, tandem_message(p));
     check("every-real-option-is-known", takes_all(p, 0) == 18, tandem_message(p));
     check("every-integer-option-is-known", takes_all(p, 1) == 5, tandem_message(p));
     tandem_free(p);
@@ -466,7 +466,7 @@ static void test_error(void)
     tandem_get_statistic(p, "global_error_right_hand_sides", &value);
     tandem_get_statistic(p, "right_hand_sides", &after);
     check("the-second-run-counts-apart", value > 1.5 * evaluations && after == evaluations, tandem_message(p));
-    check("every-statistic-is-known-then", takes_all(p, 2) == 80, tandem_message(p));
+    check("every-statistic-is-known-then", takes_all(p, 2) == 82, tandem_message(p));
     tandem_integrate(p, 3);
     tandem_integrate(r, 3);
     tandem_get_state(p, NULL, x, x + N, NULL);

@@ -18,7 +18,7 @@ module tandem_linalg_aligned
     !> Length of a cache line in bytes.
     integer(c_intptr_t), parameter :: line = 64
     !> Largest number of attempts; the result of the last one is used in any case.
-    integer, parameter :: most_tries = 16
+    integer, parameter :: most_tries = 64
     !> Largest number of entries for which the alignment matters.
     integer, parameter :: most_numbers = 4096
 

@@ -480,14 +480,14 @@ contains
         else if (dot > len_trim(text)) then
             number = max(turn, way)
         end if
-        if (number == 0) call refuse(label//': '//sort_of(type_of)//' '//text(:dot - 1)// &
+        if (number == 0) call refuse(label//': '//trim(sort_of(type_of))//' '//text(:dot - 1)// &
             ' has no coordinate', 'name a joint that rotates or slides, and its .angle or .displacement', error)
     end subroutine find_coordinate
 
     !> Sort of an element that may have a coordinate.
     pure function sort_of(type_of) result(sort)
         integer, intent(in) :: type_of
-        character(len=:), allocatable :: sort
+        character(len=12) :: sort
 
         sort = 'the coupling'
         if (type_of == of_joint) sort = 'the joint'

@@ -39,6 +39,8 @@ module tandem_simulate_local_error
         integer, private :: in_window = 0
         !> Velocity gap for which the last attempt of a step was rejected; largest gap that is accepted without examination.
         real(wp), private :: last_gap = huge(1.0_wp), allowed_gap = huge(1.0_wp)
+        !> Number of gaps in a row in steps of a few spacings of the time.
+        integer, private :: n_in_place = 0
         !> True if the error of imposed motions counts. Excess of this error and size of the last attempt in which it exceeded the
         !> tolerance, 0 if there is none; number of attempts that did not reduce it.
         logical, private :: counts_imposed = .false.
@@ -72,6 +74,7 @@ contains
         self%steps = 0
         self%in_window = 0
         self%last_gap = huge(1.0_wp)
+        self%n_in_place = 0
         self%n = size(scale)
         self%rate = rate
         if (allocated(self%largest_q)) deallocate (self%largest_q)
@@ -352,7 +355,8 @@ contains
 
     !> True if a shorter step may reduce the velocity gap. If a chart becomes singular within a step, the stages beyond the singular
     !> point follow another branch. The error estimate does not show this, because the rates of all stages are smooth. A gap that
-    !> does not decrease with the step size is a jump of nu, and is accepted.
+    !> does not decrease with the step size is a jump of nu, and is accepted. Several gaps in a row in steps of a few spacings of the
+    !> time are none: constraints turn the velocity without a motion, which rounding then determines, and the steps must fail.
     pure subroutine find_gap(self, start, arrived, is_found)
         class(local_error_type), intent(inout) :: self
         !> States at the ends of the step.
@@ -361,13 +365,26 @@ contains
         !> Fraction of the largest velocity below which a gap may be a rounding error, which the constraints transfer to smaller
         !> velocities; smallest step, in spacings of the time, that is shortened because of a gap.
         real(wp), parameter :: rounding = 1.0e3_wp*epsilon(1.0_wp), shortest = 1.0e4_wp
+        !> Number of such gaps that are accepted in a row, and the size above which they are no rounding errors.
+        integer, parameter :: most_in_place = 3
+        real(wp), parameter :: distinct = 1.0e-7_wp
         real(wp) :: gap
 
         is_found = .false.
-        if (.not. self%gap_is_possible(start, arrived, self%allowed_gap)) return
+        if (.not. self%allowed_gap < huge(1.0_wp)) return
+        if (arrived%t - start%t <= shortest*spacing(abs(start%t))) then
+            if (self%gap(start, arrived) > distinct) then
+                self%n_in_place = self%n_in_place + 1
+                is_found = self%n_in_place > most_in_place
+            end if
+            return
+        end if
+        if (.not. self%gap_is_possible(start, arrived, self%allowed_gap)) then
+            self%n_in_place = 0
+            return
+        end if
         gap = self%gap(start, arrived)
-        is_found = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap .and. &
-            arrived%t - start%t > shortest*spacing(abs(start%t))
+        is_found = gap > self%allowed_gap .and. gap < 0.5_wp*self%last_gap
         if (is_found) is_found = gap > rounding*self%largest_velocity(arrived)
         if (is_found) self%last_gap = gap
     end subroutine find_gap
@@ -496,6 +513,7 @@ contains
         call pack%item(self%t0, self%h, self%t_last)
         call pack%item(self%in_window)
         call pack%item(self%last_gap)
+        call pack%item(self%n_in_place)
         call pack%item(self%last_imposed, self%imposed_step)
         call pack%item(self%failures)
         call pack%item(self%imposed_end)
