@@ -355,8 +355,8 @@ contains
 
     !> True if a shorter step may reduce the velocity gap. If a chart becomes singular within a step, the stages beyond the singular
     !> point follow another branch. The error estimate does not show this, because the rates of all stages are smooth. A gap that
-    !> does not decrease with the step size is a jump of nu, and is accepted. Several gaps in a row in steps of a few spacings of the
-    !> time are none: constraints turn the velocity without a motion, which rounding then determines, and the steps must fail.
+    !> does not decrease with the step size is a jump of nu, and is accepted. Several gaps in a row in steps of a few spacings of
+    !> the time are none: constraints turn the velocity without a motion. Rounding then determines it, and the steps must fail.
     pure subroutine find_gap(self, start, arrived, is_found)
         class(local_error_type), intent(inout) :: self
         !> States at the ends of the step.
