@@ -113,10 +113,10 @@ module tandem_mechanism
         end subroutine set_scales
 
         !> Doubt inertias that no body has: a moment larger than the sum of the two others.
-        module subroutine doubt_inertias(self)
+        module subroutine check_inertias(self)
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
-        end subroutine doubt_inertias
+        end subroutine check_inertias
 
         !> Sizes of the coordinates in rows of Phi. After many turns of a body in the plane, rounding of its angle moves its points
         !> as far as rounding of an equally large position.
@@ -368,7 +368,7 @@ contains
         if (.not. allocated(self%name)) self%name = 'mechanism'
         call number_coordinates(self)
         call set_scales(self)
-        call doubt_inertias(self)
+        call check_inertias(self)
         call number_rows(self)
         call self%held%close()
         call self%rolling%close()

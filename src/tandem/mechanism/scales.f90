@@ -49,25 +49,25 @@ contains
         end do
     end procedure set_scales
 
-    module procedure doubt_inertias
+    module procedure check_inertias
         real(wp), parameter :: rounding = 1.0e-9_wp
-        logical :: is_doubtful(size(self%bodies))
+        logical :: is_impossible(size(self%bodies))
         character(len=:), allocatable :: others
         integer :: i, k
 
         if (self%planar) return
         do i = 1, size(self%bodies)
             associate (j => self%bodies(i)%inertia)
-                is_doubtful(i) = 2*max(j(1, 1), j(2, 2), j(3, 3)) > (j(1, 1) + j(2, 2) + j(3, 3))*(1 + rounding)
+                is_impossible(i) = 2*max(j(1, 1), j(2, 2), j(3, 3)) > (j(1, 1) + j(2, 2) + j(3, 3))*(1 + rounding)
             end associate
         end do
-        k = findloc(is_doubtful, .true., dim=1)
+        k = findloc(is_impossible, .true., dim=1)
         if (k == 0) return
         others = ''
-        if (count(is_doubtful) > 1) others = ', as '//to_text(count(is_doubtful) - 1)//' others,'
-        self%doubt = 'body '//trim(self%bodies(k)%name)//others// &
+        if (count(is_impossible) > 1) others = ', as '//to_text(count(is_impossible) - 1)//' others,'
+        self%warning = 'body '//trim(self%bodies(k)%name)//others// &
             ' has a moment of inertia that is larger than the sum of the two others, which is impossible: check the three values'
-    end procedure doubt_inertias
+    end procedure check_inertias
 
     !> Time scale: about half a period of a pendulum of typical length. Without gravity it is the time in which bodies and drives
     !> move by 4 rad, or by four lengths, with their initial rates and accelerations. If these are only rounding errors of springs

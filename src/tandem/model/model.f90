@@ -41,8 +41,8 @@ module tandem_model
         character(len=:), allocatable :: name
         !> Number of generalized coordinates.
         integer :: n = 0
-        !> Doubtful property of the model, a warning of every run; not allocated: none.
-        character(len=:), allocatable :: doubt
+        !> Questionable property of the model, which every run reports as a warning; not allocated if there is none.
+        character(len=:), allocatable :: warning
         !> Number of holonomic constraints Phi(t, q) = 0.
         integer :: n_holonomic = 0
         !> Number of nonholonomic constraints E(t, q) qd = e(t, q).

@@ -36,7 +36,7 @@ contains
         call self%control%reject(h, norm)
         call self%lost_rank%go_back(h)
         call self%chart%set_memory()
-        self%attempts%hindrance = status_ok
+        self%attempts%cause = status_ok
     end procedure judge_between
 
     !> Error within the last step relative to its limit: at the position that the method specifies and, unless the error there is

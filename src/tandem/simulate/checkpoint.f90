@@ -252,7 +252,7 @@ contains
         call self%crossing%pack_state(pack)
         call pack_crossings(self, pack)
         call self%attempts%reach%pack_state(pack)
-        call pack%item(self%attempts%hindrance)
+        call pack%item(self%attempts%cause)
         call pack%item(self%attempts%is_interrupted, self%attempts%has_failed)
         call pack%item(self%attempts%has_overlooked)
         call pack%item(self%attempts%count)

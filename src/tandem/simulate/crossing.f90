@@ -475,7 +475,7 @@ contains
         call self%chart%forget_rank()
         call self%local_error%restart()
         call self%local_error%add(self%crossing%record%error, 1)
-        self%attempts%hindrance = status_ok
+        self%attempts%cause = status_ok
         self%attempts%n_collapsed = 0
         call self%attempts%slowing%restart()
     end subroutine go_over

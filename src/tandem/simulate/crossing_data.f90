@@ -23,7 +23,7 @@ module tandem_simulate_crossing_data
         real(wp) :: error = 0.0_wp
     end type crossing_record_type
 
-    !> What a run keeps for crossings.
+    !> Data of a run for crossings.
     type :: crossing_type
         !> True if singular configurations are to be passed.
         logical :: is_on = .false.
@@ -37,7 +37,7 @@ module tandem_simulate_crossing_data
         character(len=obstacle_length) :: obstacle = ''
         !> Smallest error of the tries before, and the configuration to which they belong.
         real(wp) :: tried_error = huge(1.0_wp), tried_for = -huge(1.0_wp)
-        !> The crossing that is being made: the configuration, the rate of the independence there, its limits, the error.
+        !> The crossing in progress, and the rate of the independence at its configuration.
         type(crossing_record_type) :: record
         real(wp) :: rate = 0.0_wp
         !> Work space: a state and its prediction; states of the polynomial (n, 3); the polynomial of the way back; the chart.
@@ -62,7 +62,7 @@ contains
         if (is_on) call self%recent%initialize(n)
     end subroutine initialize
 
-    !> A step has ended at a state.
+    !> Store the state at the end of a step.
     pure subroutine note(self, state)
         class(crossing_type), intent(inout) :: self
         type(state_type), intent(in) :: state
@@ -70,7 +70,7 @@ contains
         if (self%is_on) call self%recent%note(state)
     end subroutine note
 
-    !> The motion has a kink or a jump here.
+    !> Discard all states, since the motion has a kink or a jump here.
     pure subroutine forget(self)
         class(crossing_type), intent(inout) :: self
 

@@ -375,8 +375,10 @@ contains
         if (arrived%t - start%t <= shortest*spacing(abs(start%t))) then
             if (self%gap(start, arrived) > distinct) then
                 self%n_in_place = self%n_in_place + 1
-                is_found = self%n_in_place > most_in_place
+            else
+                self%n_in_place = 0
             end if
+            is_found = self%n_in_place > most_in_place
             return
         end if
         if (.not. self%gap_is_possible(start, arrived, self%allowed_gap)) then

@@ -16,7 +16,7 @@ module tandem_simulate_lost_rank
 
     !> Statuses of a motion that is no longer unique, and statuses that may hide one.
     integer, parameter :: losses(2) = [status_rank_deficient, status_singular_mass]
-    integer, parameter :: disguises(3) = [status_position_diverged, status_chart_left, status_newton_failed]
+    integer, parameter :: may_hide_loss(3) = [status_position_diverged, status_chart_left, status_newton_failed]
     !> Steps approach a loss until its singular value has fallen to this part: closer to it, rounding determines the motion.
     real(wp), parameter :: least_independence = 1.0e-5_wp
     !> Steps that errors make short look for a loss when the independence has fallen to a part of this, and again at parts of that.
@@ -180,10 +180,10 @@ contains
         real(wp), intent(in) :: h
         integer, intent(out) :: loss
         !> A loss at the very end of a step belongs to it.
-        real(wp), parameter :: hair = 1.0e-7_wp
+        real(wp), parameter :: slack = 1.0e-7_wp
 
         loss = status_ok
-        if (self%room < 1.5_wp*h) call self%loss_ahead(chart, state%t, state%q, state%qd, (1.0_wp + hair)*h, loss)
+        if (self%room < 1.5_wp*h) call self%loss_ahead(chart, state%t, state%q, state%qd, (1.0_wp + slack)*h, loss)
     end subroutine look_within
 
     !> Steps have become hopelessly short. A loss within a millionth of the run ahead, or weak conditioning of a massless
@@ -254,7 +254,7 @@ contains
         integer, intent(inout) :: stat
         integer :: loss
 
-        if (all(stat /= disguises)) return
+        if (all(stat /= may_hide_loss)) return
         associate (h => next%t - state%t)
             ! From a little behind, since the state may lie just beyond the loss, and further than the step, since the path bends
             ! and stages fail first; stages that are solved together fail two steps before.
@@ -272,7 +272,7 @@ contains
         !> The status.
         integer, intent(in) :: stat
 
-        if (all(stat /= [losses, disguises])) return
+        if (all(stat /= [losses, may_hide_loss])) return
         if (t > self%until .or. all(self%reason /= losses)) self%reason = stat
         self%until = max(self%until, t_next + (t_next - t))
     end subroutine remember

@@ -47,14 +47,14 @@ contains
         self%n = 0
     end subroutine forget
 
-    !> Add the last state. If no place is left, it replaces the one between whose neighbours the time is shortest compared with the
-    !> time that has passed since, or the oldest.
+    !> Add the last state. If no place is left, it replaces the state whose neighbours are closest together compared with the time
+    !> that has passed since then, or the oldest state.
     pure subroutine note(self, state)
         class(recent_states_type), intent(inout) :: self
         type(state_type), intent(in) :: state
         !> States further apart than this need no others between them.
         real(wp), parameter :: widest = 0.6_wp
-        real(wp) :: gap, least
+        real(wp) :: gap, least_gap, past, least_past
         integer :: i, free, k
 
         if (self%n < most) then
@@ -62,11 +62,15 @@ contains
             free = self%n
         else
             free = most
-            least = widest
+            least_gap = widest
+            least_past = 1.0_wp
             do i = 2, most - 1
-                gap = (self%t(i - 1) - self%t(i + 1))/(state%t - self%t(i + 1))
-                if (gap < least) then
-                    least = gap
+                gap = self%t(i - 1) - self%t(i + 1)
+                past = state%t - self%t(i + 1)
+                ! Ratios are compared without divisions.
+                if (gap*least_past < least_gap*past) then
+                    least_gap = gap
+                    least_past = past
                     free = i
                 end if
             end do

@@ -140,7 +140,7 @@ contains
         self%grid_steps = 0
         self%on_grid = .true.
         self%last_step = 0.0_wp
-        self%attempts%hindrance = status_ok
+        self%attempts%cause = status_ok
         self%attempts%is_interrupted = .false.
         self%lost_rank = lost_rank_type()
         self%n_crossings = 0

@@ -86,7 +86,7 @@ module tandem_simulation
     !> Attempts of steps.
     type :: attempts_type
         !> Reason for a smaller last step, ok if no attempt has failed.
-        integer :: hindrance = status_ok
+        integer :: cause = status_ok
         !> True if a limit on the work has ended the attempts of a controlled step; true if one of those had failed.
         logical :: is_interrupted = .false., has_failed = .false.
         !> True if a fixed step was found to pass over values of functions of time.
@@ -668,6 +668,8 @@ contains
         class(simulation_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
         character(len=12), parameter :: level(3) = [character(len=12) :: 'position', 'velocity', 'acceleration']
+        !> Constraint error of the polynomial of a crossing, in units of its estimated error.
+        real(wp), parameter :: of_crossing = 100.0_wp
         real(wp) :: allowed
         integer :: rows(3), stat, i
 
@@ -684,7 +686,8 @@ contains
             if (self%options%refresh == 'refine') return
             allowed = self%options%constraint_tolerance
             ! An event within a crossing has a state of the polynomial.
-            if (self%crossing%is_last_step .and. state%t < self%next%t) allowed = max(allowed, 100*self%crossing%record%error)
+            if (self%crossing%is_last_step .and. state%t < self%next%t) allowed = max(allowed, &
+                of_crossing*self%crossing%record%error)
             do i = 1, 3
                 if (self%errors(i) <= max(allowed, merge(self%options%position_tolerance(), 0.0_wp, i == 1))) cycle
                 call set_error(error, status_constraints_not_held, 'the '//trim(level(i))//' constraint "'// &

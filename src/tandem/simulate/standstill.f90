@@ -152,7 +152,7 @@ contains
         if (.not. allocated(error)) call name_failure()
         ! A caller who continues after this error has removed its cause.
         call self%control%begin()
-        self%attempts%hindrance = status_ok
+        self%attempts%cause = status_ok
 
     contains
 

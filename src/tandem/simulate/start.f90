@@ -59,7 +59,7 @@ contains
         end if
         self%tally%start_moved_q = maxval(abs(self%next%dq - self%state%q))
         self%tally%start_moved_qd = maxval(abs(self%next%dqd - self%state%qd))
-        if (allocated(self%model%doubt)) call self%warn(self%model%doubt)
+        if (allocated(self%model%warning)) call self%warn(self%model%warning)
         call self%renew_chart(by_start, error)
         if (allocated(error)) return
         associate (state => self%state)

@@ -9,7 +9,7 @@ module tandem_simulate_state_polynomial
 
     public :: state_polynomial_type, most_nodes
 
-    !> Most states, and conditions at each.
+    !> Largest number of states, and number of conditions at each.
     integer, parameter :: most_nodes = 4, conditions = 3
 
     type :: state_polynomial_type

@@ -25,6 +25,15 @@ submodule(tandem_simulation) tandem_simulate_steps
             real(wp), intent(in) :: span
         end subroutine choose_first_step
 
+        !> Take the next step of the grid, into self%next.
+        module subroutine try_fixed_step(self, t_limit, ends_at_breakpoint, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            real(wp), intent(in) :: t_limit
+            logical, intent(out) :: ends_at_breakpoint
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine try_fixed_step
+
         !> Record the error of the step to self%next: the stepper's own estimate if it is free or available, else that of the window
         !> of equal steps that it completes.
         module subroutine note_local_error(self, h, norm)
@@ -155,7 +164,7 @@ contains
                 if (.not. is_hopeless) then
                     call self%control%fail(self%next%t - self%state%t)
                     self%tally%failed = self%tally%failed + 1
-                    self%attempts%hindrance = error%stat
+                    self%attempts%cause = error%stat
                     is_hopeless = .not. self%control%h > 4.0_wp*spacing(abs(self%state%t))
                 end if
             end if
@@ -282,89 +291,6 @@ contains
         has_spoilt = self%options%refresh == 'refine' .and. any(stat == [status_chart_left, status_position_diverged])
     end function has_spoilt
 
-    !> The next step of the grid, into self%next.
-    subroutine try_fixed_step(self, t_limit, ends_at_breakpoint, error)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: t_limit
-        logical, intent(out) :: ends_at_breakpoint
-        type(error_type), allocatable, intent(out) :: error
-        !> Part of a step by which its end may miss the grid.
-        real(wp), parameter :: sliver = 1.0e-6_wp
-        logical :: ends_on_grid, is_crossed
-        real(wp) :: h, stop_at
-        integer :: stat
-
-        self%crossing%is_last_step = .false.
-        call next_time(self, t_limit, self%next%t, ends_on_grid, ends_at_breakpoint)
-        h = self%next%t - self%state%t
-        if (.not. h > 0.0_wp) then
-            call set_error(error, status_step_underflow, 'from t = '//to_text(self%state%t)//' with step '// &
-                to_text(self%options%step)//' towards '//to_text(t_limit))
-            return
-        end if
-        call renew_by_policy(self, error)
-        if (allocated(error)) return
-        call take_fixed_step(self, h, t_limit, is_crossed, stat)
-        if (is_crossed) then
-            call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
-            ends_at_breakpoint = ends_at_breakpoint .and. self%next%t >= stop_at
-            self%grid_steps = int((self%next%t - self%t_start)/self%options%step + sliver, long)
-            self%on_grid = abs(self%next%t - self%t_start - self%grid_steps*self%options%step) <= sliver*self%options%step
-            return
-        end if
-        if (stat /= status_ok) then
-            call self%fail(stat, 'in the step from t = '//to_text(self%state%t)//' with h = '//to_text(h), error, &
-                merge(in_first_step, in_step, self%tally%steps == 0))
-            ! A shorter step that follows must not depend on this one.
-            call self%chart%set_memory()
-            if (has_spoilt(self, stat)) then
-                self%renewal%is_done = .false.
-                self%renewal%reason = by_failure
-            end if
-            return
-        end if
-        call note_local_error(self, h)
-        if (.not. self%attempts%has_overlooked) call look_between(self)
-        self%on_grid = ends_on_grid
-        if (ends_on_grid) self%grid_steps = self%grid_steps + 1
-    end subroutine try_fixed_step
-
-    !> A step of size h, or one over a singular configuration.
-    subroutine take_fixed_step(self, h, t_limit, is_crossed, stat)
-        class(simulation_type), intent(inout) :: self
-        real(wp), intent(in) :: h, t_limit
-        logical, intent(out) :: is_crossed
-        integer, intent(out) :: stat
-        real(wp) :: room, stop_at
-        logical :: is_loss, is_breakpoint
-
-        stat = status_ok
-        is_crossed = .false.
-        call find_stop(self, t_limit, stop_at, is_breakpoint)
-        if (self%lost_rank%limits(0.75_wp*h, room)) call self%consider_crossing(2*max(room, h), stop_at, is_loss, is_crossed)
-        if (is_crossed) return
-        call self%lost_rank%look_within(self%chart, self%state, h, stat)
-        if (stat == status_ok) then
-            call self%stepper%advance(self%chart, self%state, h, self%next, stat)
-            if (stat == status_ok) then
-                call self%lost_rank%check(self%chart, self%state, self%next, stat)
-            else
-                call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)
-            end if
-        end if
-        if (stat == status_rank_deficient) call self%consider_crossing(2*h, stop_at, is_loss, is_crossed)
-    end subroutine take_fixed_step
-
-    !> Warn if the fixed step to self%next passes over values of functions of time.
-    subroutine look_between(self)
-        class(simulation_type), intent(inout) :: self
-
-        self%attempts%has_overlooked = self%model%hides(self%state%t, self%next%t, self%method%stages > 2)
-        if (.not. self%attempts%has_overlooked) return
-        call self%warn('between t = '//to_text(self%state%t)//' and t = '//to_text(self%next%t)// &
-            ' a function of time has values that the fixed step skips; set rtol, or take a smaller step')
-    end subroutine look_between
-
     !> Steps of falling size until one meets the tolerances, into self%next.
     subroutine try_controlled_steps(self, t_limit, ends_at_breakpoint, error)
         class(simulation_type), intent(inout) :: self
@@ -372,13 +298,13 @@ contains
         logical, intent(out) :: ends_at_breakpoint
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: h, stop_at, norm, estimate
-        logical :: is_cut, is_short, is_first, is_sliver, has_failed, is_loss, is_crossed
+        logical :: is_cut, is_short, is_first, is_remainder, has_failed, is_loss, is_crossed
         integer :: outcome, reason, stat
 
         call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
         is_first = .false.
         is_crossed = .false.
-        is_sliver = .false.
+        is_remainder = .false.
         is_cut = .false.
         is_short = .false.
         self%crossing%is_last_step = .false.
@@ -390,14 +316,14 @@ contains
             has_failed = .false.
         end if
         self%attempts%is_interrupted = .false.
-        reason = self%attempts%hindrance
+        reason = self%attempts%cause
         do while (.not. is_crossed)
             call check_progress(self, t_limit, stop_at, error)
             if (allocated(error)) return
             call propose_step(self, stop_at, h, is_cut, is_short)
             ! The remainder before a stop time may be arbitrarily short; take it in one step.
-            is_sliver = .not. h > 4.0_wp*spacing(abs(self%state%t))
-            if (is_sliver .and. .not. (is_cut .and. h > 0.0_wp .and. (is_first .or. self%control%h > 2*h))) then
+            is_remainder = .not. h > 4.0_wp*spacing(abs(self%state%t))
+            if (is_remainder .and. .not. (is_cut .and. h > 0.0_wp .and. (is_first .or. self%control%h > 2*h))) then
                 call underflow(self, reason, h, error)
                 return
             end if
@@ -420,7 +346,7 @@ contains
         if (allocated(error)) then
             self%attempts%is_interrupted = .true.
             self%attempts%has_failed = has_failed
-            self%attempts%hindrance = reason
+            self%attempts%cause = reason
             return
         end if
         self%on_grid = .true.
@@ -429,10 +355,10 @@ contains
             ends_at_breakpoint = ends_at_breakpoint .and. self%next%t >= stop_at
             return
         end if
-        self%attempts%hindrance = merge(reason, status_ok, has_failed)
+        self%attempts%cause = merge(reason, status_ok, has_failed)
         call note_local_error(self, h, estimate)
         ! In a tiny remainder all differences are rounding.
-        if (.not. is_sliver) then
+        if (.not. is_remainder) then
             call self%control%accept(h, is_short, norm, self%stepper%stiffness(h, self%next), longest_next(self))
         else if (is_first) then
             call self%control%begin()
@@ -606,27 +532,6 @@ contains
                 .not. self%auto%switching%is_on)))
         end associate
     end subroutine check_work
-
-    !> The end of the next step: the next point of the grid t_start + k h, cut at a breakpoint and at t_limit.
-    subroutine next_time(self, t_limit, t, ends_on_grid, ends_at_breakpoint)
-        class(simulation_type), intent(in) :: self
-        real(wp), intent(in) :: t_limit
-        real(wp), intent(out) :: t
-        logical, intent(out) :: ends_on_grid, ends_at_breakpoint
-        real(wp) :: stop_at, sliver
-
-        t = self%t_start + real(self%grid_steps + 1, wp)*self%options%step
-        ends_on_grid = .true.
-        call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
-        ! A negligible remainder is merged with the step before it.
-        sliver = max(1.0e-6_wp*self%options%step, 4.0_wp*spacing(abs(stop_at)))
-        if (t >= stop_at - sliver) then
-            ends_on_grid = t <= stop_at + sliver
-            t = stop_at
-        else
-            ends_at_breakpoint = .false.
-        end if
-    end subroutine next_time
 
     !> The next stop of steps: t_limit, or a breakpoint before it.
     subroutine find_stop(self, t_limit, stop_at, is_breakpoint)
