@@ -18,20 +18,36 @@ contains
 
     !> 1/|C+|, where C+ = R - D (D'D)^-1 D'R is the inverse of least norm: |C+|^2 = |R|^2 - |L^-1 D'R|^2 with D'D = L L'. Rows of
     !> unit length, scaled unknowns. 0 if D'D is singular.
-    pure subroutine find_independence(elimination, k, width, square, basis, work, independence)
+    pure subroutine find_independence(elimination, k, width, square, inverse_square, basis, work, independence)
         !> Of C (m, n).
         type(elimination_type), intent(in) :: elimination
         !> Degrees of freedom, and padded length.
         integer, intent(in) :: k, width
-        !> diag(s)^2, D'.
-        real(wp), intent(in) :: square(elimination%n), basis(width, elimination%n)
+        !> diag(s)^2 and its inverse, D'.
+        real(wp), intent(in) :: square(elimination%n), inverse_square(elimination%n), basis(width, elimination%n)
+        type(independence_work_type), intent(inout) :: work
+        real(wp), intent(out) :: independence
+
+        if (elimination%height == lane .and. width == short) then
+            call find_padded(elimination, k, lane, short, square, inverse_square, basis, work, independence)
+        else
+            call find_padded(elimination, k, elimination%height, width, square, inverse_square, basis, work, independence)
+        end if
+    end subroutine find_independence
+
+    !> The same; the padded lengths are constants for the most frequent ones.
+    pure subroutine find_padded(elimination, k, height, width, square, inverse_square, basis, work, independence)
+        type(elimination_type), intent(in) :: elimination
+        integer, intent(in) :: k
+        integer, intent(in), value :: height, width
+        real(wp), intent(in) :: square(elimination%n), inverse_square(elimination%n), basis(width, elimination%n)
         type(independence_work_type), intent(inout) :: work
         real(wp), intent(out) :: independence
         real(wp) :: sums(lane), total
         integer :: b, i, stat
 
         independence = 0.0_wp
-        associate (e => elimination, m => elimination%m, n => elimination%n, height => elimination%height, r => work%r)
+        associate (e => elimination, m => elimination%m, n => elimination%n, r => work%r)
             ! Squared lengths of the rows, and |R|^2, summed over rows of R first.
             do b = 0, height - lane, lane
                 call add_squares(height, n, b, e%matrix, square, sums)
@@ -41,16 +57,16 @@ contains
             do b = 0, height - lane, lane
                 call add_squares(height, m, b, e%eliminated, r, sums)
                 do i = 1, min(lane, m - b)
-                    total = total + sums(i)/square(e%order(b + i))
+                    total = total + sums(i)*inverse_square(e%order(b + i))
                 end do
             end do
             ! D'D over the free columns, where D' is the identity, and over the pivot columns, where it is -Y'.
             do i = 1, m
-                work%part(:, i) = basis(:, e%order(i))/square(e%order(i))
+                work%part(:, i) = basis(:, e%order(i))*inverse_square(e%order(i))
             end do
             work%gram(:, :) = 0.0_wp
             do i = 1, k
-                work%gram(i, i) = 1.0_wp/square(e%order(m + i))
+                work%gram(i, i) = inverse_square(e%order(m + i))
             end do
             if (k > 0) call subtract_product(m, k, height, width, work%part, e%eliminated(1, m + 1), work%gram)
             call factor(m, k, width, work%gram, work%part, work%inverse, work%column, stat)
@@ -58,7 +74,7 @@ contains
             call subtract_squares(m, k, height, width, work%part, e%eliminated, r, work%inverse, total)
         end associate
         if (total > 0.0_wp .and. total <= huge(1.0_wp)) independence = 1.0_wp/sqrt(total)
-    end subroutine find_independence
+    end subroutine find_padded
 
     !> C := C - A B', A (width, m), B' (m, k) padded, C (width, k).
     pure subroutine subtract_product(m, k, height, width, a, b, c)

@@ -32,7 +32,7 @@ contains
             call self%chart%get_memory(crossing%memory)
             ! The last state may be too near to have reliable accelerations.
             call locate(self, 1, reach, is_loss)
-            if (.not. is_loss) call locate(self, 2, reach, is_loss)
+            if (.not. is_loss .and. self%lost_rank%is_close(self%chart)) call locate(self, 2, reach, is_loss)
             if (is_loss) then
                 call choose_base(self, stop_at, base, is_nearest)
                 if (base > 0) then
@@ -89,8 +89,9 @@ contains
         !> Time within which it is searched for.
         real(wp), intent(in) :: reach
         logical, intent(out) :: is_found
-        !> Part to which an interval shrinks in a pass; part of the independence now that may be left.
-        real(wp), parameter :: shrinks = 0.1_wp, left_over = 0.02_wp
+        !> Part to which an interval shrinks in a pass; part of the independence now that may be left, at the end and at the first
+        !> estimate of the time, where most approaches without a loss show.
+        real(wp), parameter :: shrinks = 0.1_wp, left_over = 0.02_wp, left_first = 0.6_wp
         integer, parameter :: most_passes = 3
         real(wp) :: from, to, at, width, here, at_from, at_to, at_least
         integer :: n_nodes, pass, stat
@@ -104,7 +105,8 @@ contains
             to = reach
             at_from = here
             call independence_at(self, state%t + to, at_to, stat)
-            if (stat /= status_ok) return
+            if (stat == status_ok) call independence_at(self, state%t + to*here/max(here + at_to, tiny(here)), at_least, stat)
+            if (stat /= status_ok .or. at_least > left_first*here) return
             do pass = 1, most_passes
                 if (.not. at_from + at_to > 0.0_wp) exit
                 at = (from*at_to + to*at_from)/(at_from + at_to)
@@ -417,6 +419,8 @@ contains
     end function stays_near
 
     module procedure note_end
+        !> Far from a loss of rank, one of so many steps is stored.
+        integer(long), parameter :: far = 4
         type(crossing_record_type), allocatable :: longer(:)
 
         associate (crossing => self%crossing)
@@ -437,6 +441,8 @@ contains
                 end if
                 ! States before the configuration may be as inaccurate as they were near.
                 call crossing%recent%forget()
+            else if (crossing%recent%is_full() .and. self%lost_rank%is_far() .and. modulo(self%tally%steps, far) /= 0) then
+                return
             end if
             call crossing%note(self%state)
         end associate

@@ -36,7 +36,7 @@ module tandem_simulate_lost_rank
         !> End of a line ahead (n).
         real(wp), allocatable, private :: ahead(:)
     contains
-        procedure :: forget_ahead, forget_measure, go_back, is_ahead, is_close, was_met, is_near, longest_step
+        procedure :: forget_ahead, forget_measure, go_back, is_ahead, is_close, is_far, was_met, is_near, longest_step
         procedure :: look_ahead, look_within, limits, comes_close
         procedure :: find_near, find_close, check, find_behind
         procedure, private :: loss_ahead
@@ -97,6 +97,14 @@ contains
 
         is_close = self%fallen < close .or. chart%independence < close*chart%best_independence
     end function is_close
+
+    !> True if the independence has hardly fallen.
+    pure logical function is_far(self)
+        class(lost_rank_type), intent(in) :: self
+        real(wp), parameter :: far = 0.8_wp
+
+        is_far = self%fallen > far
+    end function is_far
 
     !> The loss that was met, and that may still be close at a time; ok if there is none.
     pure integer function was_met(self, t)

@@ -23,7 +23,7 @@ module tandem_simulate_recent_states
         !> Coordinates, velocities and accelerations (n, 3, most).
         real(wp), allocatable, private :: values(:, :, :)
     contains
-        procedure :: initialize, forget, note, get, pack_state
+        procedure :: initialize, forget, is_full, note, get, pack_state
     end type recent_states_type
 
 contains
@@ -46,6 +46,13 @@ contains
 
         self%n = 0
     end subroutine forget
+
+    !> True if another state replaces one.
+    pure logical function is_full(self)
+        class(recent_states_type), intent(in) :: self
+
+        is_full = self%n == most
+    end function is_full
 
     !> Add the last state. If no place is left, it replaces the state whose neighbours are closest together compared with the time
     !> that has passed since then, or the oldest state.

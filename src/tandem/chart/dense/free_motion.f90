@@ -29,8 +29,8 @@ module tandem_chart_dense_free_motion
         integer :: choice = -1
         !> The choice of pivots at the chart's origin.
         integer :: origin_choice = -1
-        !> D' at the current point and D0' M0 at the origin (width, n), diag(s)^2 (n).
-        real(wp), allocatable :: basis(:, :), origin(:, :), square(:)
+        !> D' at the current point and D0' M0 at the origin (width, n), diag(s)^2 and diag(s)^-2 (n).
+        real(wp), allocatable :: basis(:, :), origin(:, :), square(:), inverse_square(:)
         !> D' M (width, n), D' M D or D0' M0 D with factors in place (width, width), inverse pivots (k).
         real(wp), allocatable :: basis_mass(:, :), matrix(:, :), inverse(:)
         !> The factors of D0' M0 D if it requires a search for pivots.
@@ -66,6 +66,7 @@ contains
         self%height = lane*((m + lane - 1)/lane)
         self%width = short*((n - m + short - 1)/short)
         self%square = scale**2
+        self%inverse_square = 1.0_wp/self%square
         self%is_large = max(m, n - m) > largest_small
         self%has_few = m > 0 .and. m <= lane .and. n > m .and. n - m <= most_few
         if (allocated(self%inverse)) deallocate (self%inverse, self%work, self%independence%gram)
@@ -111,7 +112,7 @@ contains
             call set_product(self%is_large, self%n, self%width, blocks, self%basis, mass, self%origin)
         else
             do j = 1, self%n
-                self%origin(:, j) = self%basis(:, j)/self%square(j)
+                self%origin(:, j) = self%basis(:, j)*self%inverse_square(j)
             end do
         end if
         self%origin_choice = self%choice
@@ -131,7 +132,8 @@ contains
         independence = 1.0_wp
         if (self%m == 0) return
         if (.not. self%is_large) then
-            call find_independence(elimination, self%k, self%width, self%square, self%basis, self%independence, independence)
+            call find_independence(elimination, self%k, self%width, self%square, self%inverse_square, self%basis, &
+                self%independence, independence)
             return
         end if
         associate (rows => self%independence%part, gram => self%independence%gram)
