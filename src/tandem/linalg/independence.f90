@@ -61,13 +61,8 @@ contains
                 end do
             end do
             ! D'D over the free columns, where D' is the identity, and over the pivot columns, where it is -Y'.
-            do i = 1, m
-                work%part(:, i) = basis(:, e%order(i))*inverse_square(e%order(i))
-            end do
-            work%gram(:, :) = 0.0_wp
-            do i = 1, k
-                work%gram(i, i) = inverse_square(e%order(m + i))
-            end do
+            call take_columns(m, n, width, e%order, inverse_square, basis, work%part)
+            if (k > 0) call take_columns(k, n, width, e%order(m + 1), inverse_square, basis, work%gram)
             if (k > 0) call subtract_product(m, k, height, width, work%part, e%eliminated(1, m + 1), work%gram)
             call factor(m, k, width, work%gram, work%part, work%inverse, work%column, stat)
             if (stat /= 0) return
@@ -75,6 +70,30 @@ contains
         end associate
         if (total > 0.0_wp .and. total <= huge(1.0_wp)) independence = 1.0_wp/sqrt(total)
     end subroutine find_padded
+
+    !> Columns of A, multiplied by factors.
+    pure subroutine take_columns(l, n, width, order, factors, a, b)
+        integer, intent(in) :: l, n
+        integer, intent(in), value :: width
+        !> The columns, and the factors of all columns.
+        integer, intent(in) :: order(l)
+        real(wp), intent(in) :: factors(n), a(width, n)
+        real(wp), intent(inout) :: b(width, l)
+        real(wp) :: f
+        integer :: i, j, s
+
+        do s = 0, width - short, short
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, l
+                f = factors(order(j))
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    b(s + i, j) = a(s + i, order(j))*f
+                end do
+            end do
+        end do
+    end subroutine take_columns
 
     !> C := C - A B', A (width, m), B' (m, k) padded, C (width, k).
     pure subroutine subtract_product(m, k, height, width, a, b, c)

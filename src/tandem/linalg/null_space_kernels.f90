@@ -10,7 +10,7 @@ module tandem_linalg_null_space_kernels
     implicit none (type, external)
     private
 
-    public :: add_pivots, finish, multiply, multiply_by_transpose, multiply_mass, transpose_basis
+    public :: add_pivots, finish, multiply, multiply_by_transpose, multiply_mass, scale_columns, transpose_basis
 
 contains
 
@@ -232,6 +232,25 @@ contains
             end do
         end do
     end subroutine multiply_by_transpose
+
+    !> B := A diag(f).
+    pure subroutine scale_columns(n, width, a, f, b)
+        integer, intent(in) :: n, width
+        real(wp), intent(in) :: a(width, n), f(n)
+        real(wp), intent(inout) :: b(width, n)
+        integer :: i, j, s
+
+        do s = 0, width - short, short
+            !GCC$ NOVECTOR
+            !GCC$ UNROLL 1
+            do j = 1, n
+                !GCC$ UNROLL 1
+                do i = 1, short
+                    b(s + i, j) = a(s + i, j)*f(j)
+                end do
+            end do
+        end do
+    end subroutine scale_columns
 
     !> D' M.
     pure subroutine multiply_mass(n, width, n_blocks, blocks, basis, mass, basis_mass)

@@ -10,7 +10,8 @@ module tandem_chart_dense_free_motion
     use tandem_linalg_kernels, only: add_product, is_finite
     use tandem_linalg_lu, only: lu_type
     use tandem_linalg_null_space_few, only: find_few, most_few
-    use tandem_linalg_null_space_kernels, only: add_pivots, finish, multiply, multiply_by_transpose, multiply_mass, transpose_basis
+    use tandem_linalg_null_space_kernels, only: add_pivots, finish, multiply, multiply_by_transpose, multiply_mass, scale_columns, &
+        transpose_basis
     use tandem_linalg_products, only: find_inverse_trace, multiply_large_by_transpose => multiply_by_transpose, multiply_by_block, &
         multiply_rows_by_themselves
     use tandem_linalg_small, only: factor_definite, solve_near_diagonal, substitute
@@ -106,14 +107,11 @@ contains
         !> As for `solve`; M0 is diag(s)^-2 without a mass.
         integer, intent(in), contiguous :: blocks(:)
         real(wp), intent(in), optional :: mass(self%n, self%n)
-        integer :: j
 
         if (present(mass)) then
             call set_product(self%is_large, self%n, self%width, blocks, self%basis, mass, self%origin)
         else
-            do j = 1, self%n
-                self%origin(:, j) = self%basis(:, j)*self%inverse_square(j)
-            end do
+            call scale_columns(self%n, self%width, self%basis, self%inverse_square, self%origin)
         end if
         self%origin_choice = self%choice
     end subroutine set_origin
