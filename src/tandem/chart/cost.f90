@@ -3,25 +3,20 @@
 !> so that the choice of a chart does not depend on the machine or its load.
 !>
 !> A dense chart eliminates m rows of n columns and forms D'M D with the n - m columns of D; a sparse chart processes the entries
-!> of C, body by body, and the blocks of its factor. Evaluations of the model take the same time on both. The weights are therefore
-!> fitted to the difference of both times, in runs without redundant rows of random mechanisms, of shipped scenes and of other
-!> mechanisms with 6 to 98 coordinates: of `dop853` and `dopri5` for explicit steps, of `radau5` and `sdirk54` for implicit ones
-!> (doc/sparse.md; `bench/random_mechanisms.py --seed 7 --count 130`).
+!> of C, body by body, and the blocks of its factor. Evaluations of the model take the same time on both. The weights are fitted to
+!> the ratios of both times in runs of random mechanisms with 8 to 98 coordinates: of `dop853`, `dopri5` and `auto` for explicit
+!> steps, of `radau5` and `sdirk54` for implicit ones (doc/sparse.md; `bench/random_mechanisms.py --count 300 --rounds 1`).
 module tandem_chart_cost
     use tandem_chart_sparse_analysis, only: analysis_type
     use tandem_chart_sparse_newton_analysis, only: newton_analysis_type
-    use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_model, only: model_type
-    use tandem_model_counts, only: counts_type
-    use tandem_model_evaluator, only: evaluator_type
-    use tandem_model_segment, only: find_segment
     use tandem_model_stiffness, only: stiffness_type
-    use tandem_model_terms, only: need_mass
+    use tandem_options, only: options_type
     implicit none (type, external)
     private
 
-    public :: cost_type, estimate_cost, stiffness_of
+    public :: cost_type, estimate_cost
 
     !> Microseconds of a step on the machine of the fit; zero if no choice was to be made. Only the ratio of both is meaningful.
     type :: cost_type
@@ -31,14 +26,17 @@ module tandem_chart_cost
 contains
 
     !> The cost of a step by either chart, for a model with a pattern.
-    subroutine estimate_cost(model, implicit, cost)
+    subroutine estimate_cost(model, options, implicit, cost)
         class(model_type), intent(in) :: model
+        type(options_type), intent(in) :: options
         !> True for implicit steps; the model then lists the bodies that share forces.
         logical, intent(in) :: implicit
         type(cost_type), intent(out) :: cost
         type(analysis_type) :: analysis
         type(newton_analysis_type) :: newton
         type(stiffness_type) :: stiffness
+        !> Range of tolerances on which costs may depend.
+        real(wp), parameter :: tightest = 1.0e-12_wp, loosest = 1.0e-2_wp
         real(wp) :: n, m, free
         integer :: i
 
@@ -51,11 +49,14 @@ contains
             if (implicit) then
                 call build_stiffness(model, stiffness)
                 call newton%analyse_newton(analysis, stiffness)
-                cost%dense = 12.2_wp + 0.813_wp*n + 0.122_wp*n*m + 1.03e-3_wp*m**2*n + 6.9e-4_wp*free*n**2
-                cost%sparse = 13.2_wp + 5.86_wp*bodies + 0.298_wp*entries + 0.0324_wp*real(newton%block%n_entries, wp)
+                cost%dense = 12.8_wp + 1.25_wp*n + 0.111_wp*n*m + 7.5e-4_wp*m**2*n + 8.9e-4_wp*free*n**2
+                cost%sparse = 19.0_wp + 4.94_wp*bodies + 0.213_wp*entries + 0.0273_wp*real(newton%block%n_entries, wp)
+                ! The stages of `sdirk54`, of order 1, take more corrections on sparse charts the longer the steps are.
+                if (options%stepper == 'sdirk54' .and. options%is_adaptive()) cost%sparse = cost%sparse* &
+                    (min(max(options%relative_tolerance(), tightest), loosest)/1.0e-6_wp)**0.03_wp
             else
-                cost%dense = 16.4_wp + 0.196_wp*n + 0.0675_wp*n*m + 9.3e-4_wp*m**2*n + 1.23e-3_wp*free*n**2
-                cost%sparse = 11.7_wp + 1.23_wp*bodies + 0.168_wp*entries + 1.31_wp*neighbours
+                cost%dense = 22.3_wp + 0.242_wp*n + 0.096_wp*n*m + 7.0e-4_wp*m**2*n + 8.1e-4_wp*free*n**2
+                cost%sparse = 20.5_wp + 1.29_wp*bodies + 0.12_wp*entries + 0.85_wp*neighbours
             end if
         end associate
     end subroutine estimate_cost
@@ -70,55 +71,4 @@ contains
         if (allocated(model%pattern%coupled)) pairs = model%pattern%coupled
         call stiffness%build(model%pattern%first, pairs)
     end subroutine build_stiffness
-
-    !> The rate of the fastest oscillation that the forces on one body alone cause at (t, q, qd), times the time scale of the model:
-    !> the root of the largest entry of the diagonals of K over M. Zero if it is not evaluable.
-    subroutine stiffness_of(model, t, q, qd, ratio)
-        class(model_type), intent(inout), target :: model
-        real(wp), intent(in) :: t, q(:), qd(:)
-        real(wp), intent(out) :: ratio
-        !> Coordinates with less than this part of their body's largest entry of M move with others; entries are compared on the
-        !> scales of the coordinates.
-        real(wp), parameter :: least_mass = 1.0e-3_wp
-        type(stiffness_type) :: stiffness
-        type(evaluator_type) :: evaluator
-        type(counts_type) :: counts
-        type(error_type), allocatable :: error
-        real(wp), allocatable :: zero(:), lambda(:)
-        real(wp) :: scale(model%n), heaviest
-        integer :: b, i, k, stat, width
-
-        ratio = 0.0_wp
-        ! As at the start of the run, independent of earlier uses of the model.
-        call find_segment(model, t, error)
-        if (allocated(error)) return
-        call model%set_time_scale(t, q, qd)
-        scale = model%scales()
-        allocate (zero(model%n), lambda(model%n_constraints()), source=0.0_wp)
-        call build_stiffness(model, stiffness)
-        call model%evaluate_stiffness(t, q, qd, zero, lambda, stiffness, stat)
-        if (stat /= 0) return
-        call evaluator%initialize(model, wants_jacobian=.false.)
-        call evaluator%evaluate(need_mass, t, q, qd, counts, stat)
-        if (stat /= 0) return
-        associate (mass => evaluator%terms%mass, first => stiffness%first)
-            do b = 1, size(first) - 1
-                width = first(b + 1) - first(b)
-                heaviest = 0.0_wp
-                do i = first(b), first(b + 1) - 1
-                    heaviest = max(heaviest, mass(i, i)*scale(i)**2)
-                end do
-                do k = stiffness%start(b), stiffness%start(b + 1) - 1
-                    if (stiffness%partner(k) /= b) cycle
-                    do i = 1, width
-                        associate (j => first(b) + i - 1)
-                            if (.not. mass(j, j)*scale(j)**2 > least_mass*heaviest) cycle
-                            ratio = max(ratio, abs(stiffness%by_q(stiffness%offset(k) + (i - 1)*width + i))/mass(j, j))
-                        end associate
-                    end do
-                end do
-            end do
-        end associate
-        ratio = sqrt(ratio)*model%time_scale
-    end subroutine stiffness_of
 end module tandem_chart_cost

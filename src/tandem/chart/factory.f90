@@ -3,7 +3,6 @@
 module tandem_chart_factory
     use tandem_chart, only: chart_type
     use tandem_chart_cost, only: cost_type
-    use tandem_kinds, only: wp
     use tandem_model, only: model_type
     use tandem_options, only: chart_kinds, options_type
     implicit none (type, external)
@@ -13,17 +12,14 @@ module tandem_chart_factory
 
     ! Only the submodule uses the modules of the charts, so that a change in one of them recompiles few files.
     interface
-        !> Choose the kind of chart: on request, or by the estimated cost of a step. Implicit steps of a very stiff mechanism use
-        !> dense charts, on which their stages take fewer corrections.
-        module subroutine choose_chart(model, options, implicit, t, q, qd, is_sparse, cost)
+        !> Choose the kind of chart: on request, or by the estimated cost of a step.
+        module subroutine choose_chart(model, options, implicit, is_sparse, cost)
             implicit none (type, external)
-            class(model_type), intent(inout), target :: model
+            class(model_type), intent(in) :: model
             !> Checked.
             type(options_type), intent(in) :: options
             !> True for an implicit stepper.
             logical, intent(in) :: implicit
-            !> The start, which need not satisfy the constraints.
-            real(wp), intent(in) :: t, q(:), qd(:)
             logical, intent(out) :: is_sparse
             !> Zero if it was not needed.
             type(cost_type), intent(out) :: cost
@@ -33,7 +29,7 @@ module tandem_chart_factory
         !> needs no singular values, if steps cost little more there.
         module logical function suits_redundancy(model, options, implicit, cost)
             implicit none (type, external)
-            class(model_type), intent(inout), target :: model
+            class(model_type), intent(in) :: model
             !> As for `choose_chart`.
             type(options_type), intent(in) :: options
             logical, intent(in) :: implicit

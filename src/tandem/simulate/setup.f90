@@ -42,7 +42,7 @@ contains
         if (present(chart)) then
             self%is_sparse = is_sparse_chart(chart)
         else
-            call choose_chart(model, self%options, self%method%implicit, t, q, qd, self%is_sparse, self%cost)
+            call choose_chart(model, self%options, self%method%implicit, self%is_sparse, self%cost)
         end if
         call find_segment(model, t, error)
         if (allocated(error)) return

@@ -107,7 +107,7 @@ contains
         type(statistics_type) :: statistics
         integer :: i, n
 
-        call begin('planar_chain', 4, options_type(step=1.0e-3_wp), mechanism, simulation, error)
+        call begin('planar_chain', 3, options_type(step=1.0e-3_wp), mechanism, simulation, error)
         call go_on(simulation, 0.01_wp, error)
         if (allocated(error)) return
         statistics = simulation%statistics()

@@ -87,7 +87,7 @@ contains
         type(simulation_type), allocatable, target :: simulation
         type(failure_type), allocatable :: failure
         character(len=:), allocatable :: path
-        character(len=60) :: settings(3)
+        character(len=60) :: settings(4)
         type(statistics_type) :: statistics
 
         allocate (q(0))
@@ -95,7 +95,7 @@ contains
         if (allocated(error)) return
         allocate (scene, simulation)
         settings = ['solver.stepper='//stepper//repeat(' ', 45 - len(stepper)), 'solver.rtol='//rtol//repeat(' ', 48 - len(rtol)), &
-            'solver.atol='//rtol//repeat(' ', 48 - len(rtol))]
+            'solver.atol='//rtol//repeat(' ', 48 - len(rtol)), 'solver.chart_kind=dense'//repeat(' ', 37)]
         call find_scene(name, path, failure)
         if (.not. allocated(failure)) call read_scene(path, settings, scene, failure)
         if (.not. allocated(failure)) call simulation%initialize(scene%model, scene%options, scene%t_start, scene%q, scene%qd, &
