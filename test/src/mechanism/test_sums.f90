@@ -25,6 +25,7 @@ contains
             new_unittest('a-spring-on-a-sum-acts-on-all-its-joints', test_tendon), &
             new_unittest('successive-angles-of-a-gimbal', test_gimbal), &
             new_unittest('an-impossible-inertia-is-a-warning', test_doubt), &
+            new_unittest('a-motion-without-mass-is-named', test_massless), &
             new_unittest('words-name-what-is-wrong', test_words)]
     end subroutine collect_sums
 
@@ -227,6 +228,45 @@ contains
         call mechanism%add_body('rod', 1.0_wp, origin, failure, inertia=[-1.0e-13_wp, 1.0_wp, 1.0_wp])
         call check_no_failure(error, failure)
     end subroutine test_doubt
+
+    !> A rod that rotates about itself has no inertia; a free body without mass has no joint.
+    subroutine test_massless(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(failure_type), allocatable :: failure
+
+        call add_arm()
+        call mechanism%add_body('rod', 1.0_wp, 2*x, failure, inertia=[0.0_wp, 1.0_wp, 1.0_wp])
+        call mechanism%add_joint('wrist', 'revolute', 'arm', 'rod', failure, at=x, axis=x)
+        call check_message('the body "rod" moves without mass in the joint "wrist"')
+        call add_arm()
+        call mechanism%add_body('ghost', 0.0_wp, 2*x, failure, inertia=[0.0_wp, 0.0_wp, 0.0_wp])
+        call check_message('the body "ghost" moves without mass;')
+
+    contains
+
+        subroutine add_arm()
+            mechanism = mechanism_type()
+            call mechanism%add_body('arm', 1.0_wp, x, failure, inertia=[1.0_wp, 1.0_wp, 1.0_wp])
+            call mechanism%add_joint('shoulder', 'revolute', 'ground', 'arm', failure, at=origin, axis=y)
+        end subroutine add_arm
+
+        subroutine check_message(text)
+            character(len=*), intent(in) :: text
+            type(simulation_type) :: simulation
+            type(options_type) :: options
+            real(wp) :: q(14), qd(14)
+
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call mechanism%define(failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call mechanism%start(q, qd)
+            call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
+            call check_failure(error, failure, 'singular_mass', text)
+        end subroutine check_message
+    end subroutine test_massless
 
     !> Refused sums.
     subroutine test_words(error)
