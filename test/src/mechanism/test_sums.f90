@@ -157,7 +157,8 @@ contains
         q = 0.0_wp
         q(4:7) = product_of(product_of(turn(angles(1), x), turn(angles(2), y)), turn(angles(3), last))
         call mechanism%potential_energy(0.0_wp, q, energy, stat)
-        call check_close(error, [energy], [sum(stiffness*angles**2)/2], 1.0e-13_wp, 'energy of the springs')        ! The arc sine is singular at a middle angle of 90 degrees, of which this one has 86.
+        call check_close(error, [energy], [sum(stiffness*angles**2)/2], 1.0e-13_wp, 'energy of the springs')
+        ! The arc sine is singular at a middle angle of 90 degrees; this one has 86.
         mechanism = mechanism_type()
         call mechanism%add_body('arm', 1.0_wp, origin, failure, inertia=[1.0_wp, 1.0_wp, 1.0_wp])
         call mechanism%add_joint('shoulder', 'gimbal', 'ground', 'arm', failure, at=origin, axis=x, &
