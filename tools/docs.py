@@ -49,8 +49,8 @@ MATHJAX_LICENCE = "mathjax/static/mathjax/LICENSE"
 INTERFACES = {"tandem_legacy_c", "tandem_legacy_f77"}
 # In the order of the contents.
 ORDER = ["installation.md", "results.md", "scene.md", "scene_reference.md", "mechanism.md", "mechanism_reference.md",
-         "mechanism_gallery.md", "mechanism_advice.md", "sparse.md", "linearisation.md", "sweep.md", "python.md", "python_api.md",
-         "expressions.md", "theory.md", "output.md", "options.md", "statuses.md", "linking.md", "precision.md", "stability.md", "performance.md"]
+         "mechanism_gallery.md", "mechanism_advice.md", "sparse.md", "linearisation.md", "sweep.md", "python.md", "robots.md",
+         "python_api.md", "expressions.md", "theory.md", "output.md", "options.md", "statuses.md", "linking.md", "precision.md", "stability.md", "performance.md"]
 
 failures = 0
 

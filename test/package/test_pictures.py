@@ -458,6 +458,23 @@ step = 1e-3
         edges = np.abs(rotations.rotated(turn, np.array(body.pieces[0].size)))
         self.assertTrue(np.allclose(edges, [a, b, c]), edges)
 
+    def test_forces_within_rounding(self):
+        """Three hanging pendulums, of which one weighs less than 1e-9 of all: its force is not drawn, and the largest comes first."""
+        def made(joints):
+            masses = {"light": 1e-11, "middle": 1.0, "heavy": 5.0}
+            text = {"scene.model": "mechanism", "gravity.vector": [0, 0, -9.81], "time.end": 0.1, "results.joints": joints,
+                    **{f"body.{name}": {"mass": mass, "inertia": [mass, mass, mass], "position": [k, 0, -1]}
+                       for k, (name, mass) in enumerate(masses.items())},
+                    **{f"joint.{name}_pin": {"type": "revolute", "bodies": ["ground", name], "at": [k, 0, 0], "axis": [0, 1, 0]}
+                       for k, name in enumerate(masses)}}
+            return tandem.Mechanism(text).run(error=False)
+
+        every = made("all")
+        self.assertEqual([arrow.name for arrow in draw(every).arrows], ["heavy_pin force", "middle_pin force"])
+        self.assertEqual(draw(made(["light_pin"])).arrows, [])
+        panel = next(axes for axes in tandem.plot.reactions(every).axes if axes.get_title().startswith("force"))
+        self.assertEqual([text.get_text() for text in panel.get_legend().get_texts()][:2], ["heavy_pin", "middle_pin"])
+
     def test_what_cannot_be_shown(self):
         solution = tandem.solve(tandem.Model(n=1, mass_matrix=[[1.0]]), (0, 1), [0.0], [1.0])
         with self.assertRaisesRegex(ValueError, "look="):

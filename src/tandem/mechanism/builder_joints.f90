@@ -173,9 +173,9 @@ contains
             else
                 call self%frame_of(joint%first, r, a1)
                 call self%frame_of(joint%second, r, a2)
-                elevation = angle(e(:, 1), f(:, 3), e(:, 1), f(:, 3))
+                elevation = angle(e(:, 1), f(:, 3), e(:, 3), f(:, 3))
                 elevation%kind = is_elevation
-                elevation%offset = asin(dot_product(matmul(a1, e(:, 1)), matmul(a2, f(:, 3))))
+                elevation%offset = elevation_of(matmul(a1, e(:, 1)), matmul(a2, f(:, 3)))
                 call keep(1, angle(e(:, 3), f(:, 3), -e(:, 2), f(:, 3)))
                 call keep(2, elevation)
                 call keep(3, angle(e(:, 1), f(:, 1), e(:, 1), -f(:, 2)))
@@ -194,6 +194,13 @@ contains
             angle%other%a = c
             angle%other%b = d
         end function angle
+
+        !> Angle of a vector from the plane across another one.
+        pure real(wp) function elevation_of(a, d)
+            real(wp), intent(in) :: a(3), d(3)
+
+            elevation_of = atan2(dot_product(a, d), norm2(cross(a, d)))
+        end function elevation_of
 
         subroutine keep(k, coordinate)
             integer, intent(in) :: k

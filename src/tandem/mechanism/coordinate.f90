@@ -22,8 +22,8 @@ module tandem_mechanism_coordinate
 
     !> Kinds of coordinates: displacement, the scalar product `one` (m); distance (m); angle (rad) whose cosine and sine are the
     !> scalar products `one` and `other`, in the plane the difference of two angles; small angle (one - other)/2, which is the sine
-    !> of the angle about the third axis if this axis is common to both bodies; angle between -pi/2 and pi/2 (rad) whose sine is
-    !> `one`.
+    !> of the angle about the third axis if this axis is common to both bodies; elevation between -pi/2 and pi/2 (rad), whose sine
+    !> is `one` and whose cosine is the length of the vector of two scalar products: `other`, and that of the third axis.
     integer, parameter :: is_displacement = 1, is_distance = 2, is_angle = 3, is_tilt = 4, is_elevation = 5
 
     type :: coordinate_type
@@ -99,6 +99,10 @@ contains
                 turns = anint((self%last - x)/(2*pi))
                 if (.not. self%waits) self%last = x + 2*pi*turns
             end if
+        case (is_elevation)
+            call set_vectors(self%one, pose, 0, a, d)
+            vector = cross(a(:, 0), d(:, 0))
+            x = atan2(product_rate(a, d, 0), sqrt(dot3(vector, vector)))
         case default
             call set_vectors(self%one, pose, 0, a, d)
             x = product_rate(a, d, 0)
@@ -106,7 +110,6 @@ contains
                 call set_vectors(self%other, pose, 0, a, d)
                 x = (x - product_rate(a, d, 0))/2
             end if
-            if (self%kind == is_elevation) x = asin(max(-1.0_wp, min(1.0_wp, x)))
         end select
         x = x - self%offset
     end subroutine measure_apart
@@ -152,7 +155,7 @@ contains
     end subroutine end_search
 
     !> Value, rate and gradient, as required for a force. For an angle in space this omits the derivatives of the gradient. With z =
-    !> c + i s the gradient is (c s_q - s c_q)/|z|^2.
+    !> c + i s the gradient is (c s_q - s c_q)/|z|^2. An elevation is the angle by a rotation about the axis d x a.
     pure subroutine find_slope(self, pose, x, gradient)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
@@ -162,7 +165,7 @@ contains
         real(wp) :: a_c(3), a_s(3), d_c(3), d_s(3), torque(3), its(0:2), gradients(n_local, 0:2), c, s, inv_z
         logical :: is_plain
 
-        is_plain = self%kind == is_angle
+        is_plain = self%kind == is_angle .or. self%kind == is_elevation
         if (is_plain) is_plain = .not. (is_planar(self, pose) .or. self%one%is_point .or. self%other%is_point)
         if (.not. is_plain) then
             call differentiate_coordinate(self, pose, 1, 0, its, gradients)
@@ -177,17 +180,22 @@ contains
             d_s = turned(second, 0, other%b)
             c = dot3(a_c, d_c)
             s = dot3(a_s, d_s)
-            x(0) = atan2(s, c)
-            x(0) = x(0) + 2*pi*anint((self%last - x(0))/(2*pi))
-            if (.not. self%waits) self%last = x(0)
+            ! Rotating the second body has the opposite effect of rotating the first: x_q pd is `torque` times 2 E pd/(p'p).
+            if (self%kind == is_elevation) then
+                torque = cross(d_c, a_c)
+                s = sqrt(dot3(torque, torque))
+                x(0) = atan2(c, s)
+                torque = torque/s
+            else
+                x(0) = atan2(s, c)
+                x(0) = x(0) + 2*pi*anint((self%last - x(0))/(2*pi))
+                if (.not. self%waits) self%last = x(0)
+                inv_z = 1/(c**2 + s**2)
+                torque = c*inv_z*cross(d_s, a_s) - s*inv_z*cross(d_c, a_c)
+            end if
             x(0) = x(0) - self%offset
             x(1) = 0.0_wp
-            inv_z = 1/(c**2 + s**2)
-            c = c*inv_z
-            s = s*inv_z
             gradient = 0.0_wp
-            ! Rotating the second body has the opposite effect of rotating the first: x_q pd is `torque` times 2 E pd/(p'p).
-            torque = c*cross(d_s, a_s) - s*cross(d_c, a_c)
             if (first%n_turn > 0) then
                 gradient(turn_1 + 1:turn_1 + 4) = turn_gradient(first%p(:, 0), -torque)
                 x(1) = sum(gradient(turn_1 + 1:turn_1 + 4)*first%p(:, 1))
@@ -276,7 +284,7 @@ contains
         case (is_tilt)
             call differentiate_tilt(self, pose, max(last, gradients), x, gradient, second)
         case (is_elevation)
-            call differentiate_elevation(self, pose, max(last, gradients), x, gradient, second)
+            call differentiate_angle(self, pose, last, gradients, x, gradient, second)
         case default
             call set_vectors(self%one, pose, max(last, gradients), a, d)
             do k = 0, last
@@ -324,27 +332,20 @@ contains
         integer, intent(in) :: last, gradients
         real(wp), intent(inout) :: x(0:2), gradient(n_local, 0:2)
         real(wp), intent(out), optional :: second(n_local, n_local)
-        real(wp) :: a(3, 0:2), d(3, 0:2), c_q(n_local, 0:2), s_q(n_local, 0:2), c(0:2), s(0:2)
-        real(wp) :: c_qq(n_local, n_local), s_qq(n_local, n_local)
+        real(wp) :: c_q(n_local, 0:2), s_q(n_local, 0:2), c(0:2), s(0:2), c_qq(n_local, n_local), s_qq(n_local, n_local)
         real(wp) :: re(n_local), im(n_local)
         complex(wp) :: inv_z, rate, curve, factor
-        integer :: k, n, j
+        integer :: n, j
 
         n = max(last, gradients)
-        c = 0.0_wp
-        s = 0.0_wp
-        call set_vectors(self%one, pose, n, a, d)
-        do k = 0, n
-            c(k) = product_rate(a, d, k)
-        end do
-        call dot_gradient(self%one, pose, gradients, a, d, c_q)
-        if (present(second)) call dot_second(self%one, pose, a, d, c_qq)
-        call set_vectors(self%other, pose, n, a, d)
-        do k = 0, n
-            s(k) = product_rate(a, d, k)
-        end do
-        call dot_gradient(self%other, pose, gradients, a, d, s_q)
-        if (present(second)) call dot_second(self%other, pose, a, d, s_qq)
+        if (self%kind == is_elevation) then
+            call differentiate_product(self%one, pose, n, gradients, present(second), s, s_q, s_qq)
+            call differentiate_cosine(self, pose, n, gradients, present(second), c, c_q, c_qq)
+            x(0) = atan2(s(0), c(0)) - self%offset
+        else
+            call differentiate_product(self%one, pose, n, gradients, present(second), c, c_q, c_qq)
+            call differentiate_product(self%other, pose, n, gradients, present(second), s, s_q, s_qq)
+        end if
         ! 1/z, z_t/z, z_tt/z.
         inv_z = 1/cmplx(c(0), s(0), wp)
         rate = cmplx(c(1), s(1), wp)*inv_z
@@ -368,39 +369,56 @@ contains
         end do
     end subroutine differentiate_angle
 
-    !> x = asin(s): x_q = s_q/c with c = cos(x), and so on for the derivatives along the motion. Not finite at +-pi/2.
-    pure subroutine differentiate_elevation(self, pose, last, x, gradient, second)
-        type(coordinate_type), intent(in) :: self
+    !> Scalar product with its derivatives along the motion, its gradient, and the second gradient if it is needed.
+    pure subroutine differentiate_product(product, pose, last, gradients, has_second, x, gradient, second)
+        type(perpendicular_type), intent(in) :: product
         type(pose_type), intent(in) :: pose(0:)
-        integer, intent(in) :: last
-        real(wp), intent(inout) :: x(0:2), gradient(n_local, 0:2)
-        real(wp), intent(out), optional :: second(n_local, n_local)
-        real(wp) :: a(3, 0:2), d(3, 0:2), s(0:2), f(3)
+        integer, intent(in) :: last, gradients
+        logical, intent(in) :: has_second
+        real(wp), intent(out) :: x(0:2)
+        real(wp), intent(inout) :: gradient(n_local, 0:2), second(n_local, n_local)
+        real(wp) :: a(3, 0:2), d(3, 0:2)
         integer :: k
 
-        s = 0.0_wp
-        call set_vectors(self%one, pose, last, a, d)
+        x = 0.0_wp
+        call set_vectors(product, pose, last, a, d)
         do k = 0, last
-            s(k) = product_rate(a, d, k)
+            x(k) = product_rate(a, d, k)
         end do
-        call dot_gradient(self%one, pose, last, a, d, gradient)
-        ! Derivatives of the arc sine.
-        f(1) = 1/sqrt(max(1 - s(0)**2, 0.0_wp))
-        f(2) = s(0)*f(1)**3
-        f(3) = (1 + 2*s(0)**2)*f(1)**5
-        x = [asin(max(-1.0_wp, min(1.0_wp, s(0)))) - self%offset, f(1)*s(1), f(1)*s(2) + f(2)*s(1)**2]
-        if (present(second)) then
-            call dot_second(self%one, pose, a, d, second)
-            second = f(1)*second
-            call add_outer(f(2), gradient(:, 0), gradient(:, 0), second)
-        end if
-        do k = 1, n_local
-            if (last > 1) gradient(k, 2) = f(1)*gradient(k, 2) + 2*f(2)*s(1)*gradient(k, 1) + &
-                (f(3)*s(1)**2 + f(2)*s(2))*gradient(k, 0)
-            if (last > 0) gradient(k, 1) = f(1)*gradient(k, 1) + f(2)*s(1)*gradient(k, 0)
-            gradient(k, 0) = f(1)*gradient(k, 0)
-        end do
-    end subroutine differentiate_elevation
+        call dot_gradient(product, pose, gradients, a, d, gradient)
+        if (has_second) call dot_second(product, pose, a, d, second)
+    end subroutine differentiate_product
+
+    !> Cosine of an elevation, the length of a vector of two scalar products: with w = (g^2 + h^2)/2, c_q = w_q/c, as for distances.
+    !> Not finite at +-pi/2.
+    pure subroutine differentiate_cosine(self, pose, last, gradients, has_second, c, c_q, c_qq)
+        type(coordinate_type), intent(in) :: self
+        type(pose_type), intent(in) :: pose(0:)
+        integer, intent(in) :: last, gradients
+        logical, intent(in) :: has_second
+        real(wp), intent(out) :: c(0:2)
+        real(wp), intent(inout) :: c_q(n_local, 0:2), c_qq(n_local, n_local)
+        type(perpendicular_type) :: third
+        real(wp) :: g(0:2), h(0:2), g_q(n_local, 0:2), h_q(n_local, 0:2), h_qq(n_local, n_local)
+
+        third = self%other
+        third%a = cross(self%other%a, self%one%a)
+        call differentiate_product(self%other, pose, last, gradients, has_second, g, g_q, c_qq)
+        call differentiate_product(third, pose, last, gradients, has_second, h, h_q, h_qq)
+        c(0) = sqrt(g(0)**2 + h(0)**2)
+        c(1) = (g(0)*g(1) + h(0)*h(1))/c(0)
+        c(2) = (g(1)**2 + h(1)**2 + g(0)*g(2) + h(0)*h(2) - c(1)**2)/c(0)
+        c_q(:, 0) = (g(0)*g_q(:, 0) + h(0)*h_q(:, 0))/c(0)
+        if (gradients > 0) c_q(:, 1) = (g(1)*g_q(:, 0) + g(0)*g_q(:, 1) + h(1)*h_q(:, 0) + h(0)*h_q(:, 1) - c(1)*c_q(:, 0))/c(0)
+        if (gradients > 1) c_q(:, 2) = (g(2)*g_q(:, 0) + 2*g(1)*g_q(:, 1) + g(0)*g_q(:, 2) + h(2)*h_q(:, 0) + 2*h(1)*h_q(:, 1) + &
+            h(0)*h_q(:, 2) - 2*c(1)*c_q(:, 1) - c(2)*c_q(:, 0))/c(0)
+        if (.not. has_second) return
+        c_qq = g(0)*c_qq + h(0)*h_qq
+        call add_outer(1.0_wp, g_q(:, 0), g_q(:, 0), c_qq)
+        call add_outer(1.0_wp, h_q(:, 0), h_q(:, 0), c_qq)
+        call add_outer(-1.0_wp, c_q(:, 0), c_q(:, 0), c_qq)
+        c_qq = c_qq/c(0)
+    end subroutine differentiate_cosine
 
     pure subroutine differentiate_tilt(self, pose, last, x, gradient, second)
         type(coordinate_type), intent(in) :: self

@@ -95,7 +95,7 @@ module tandem_mechanism
     contains
         procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides, list_imposed
         procedure :: set_magnitudes, set_time_scale, measure, integrands, begin_measuring, change, list_motions, force_rate
-        procedure :: evaluate_stiffness, friction_directions, normal_forces
+        procedure :: evaluate_stiffness, friction_directions, normal_forces, describe_motion
         procedure, private :: set_motion
     end type mechanism_type
 
@@ -195,6 +195,14 @@ module tandem_mechanism
             !> x, y, z and the rotations about these axes (6, bodies).
             complex(wp), intent(out) :: motions(:, :)
         end subroutine find_body_motions
+
+        !> Name the joint whose two bodies move most differently, and that which moves more.
+        module subroutine describe_motion(self, q, direction, text)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            real(wp), intent(in) :: q(:), direction(:)
+            character(len=:), allocatable, intent(out) :: text
+        end subroutine describe_motion
 
         !> List the frictions on reactions of joints; the rows are numbered.
         module subroutine list_frictions(self)

@@ -120,7 +120,7 @@ module tandem_model
         procedure :: know_breakpoints, hides, list_imposed
         procedure :: has_terms, gives, evaluate_single, evaluate_part, evaluate_stiffness
         procedure :: measure, integrands, begin_measuring, change
-        procedure :: friction_directions, normal_forces, list_motions, force_rate
+        procedure :: friction_directions, normal_forces, list_motions, force_rate, describe_motion
     end type model_type
 
     abstract interface
@@ -404,6 +404,16 @@ contains
         largest_on_scales = maxval(abs(x))
         if (allocated(self%coordinate_scale)) largest_on_scales = maxval(abs(x)/self%coordinate_scale)
     end function largest_on_scales
+
+    !> Describe a motion without mass for a message: the coordinate with the largest rate on its scale.
+    subroutine describe_motion(self, q, direction, text)
+        class(model_type), intent(in) :: self
+        !> Coordinates, and their rates in the motion (n).
+        real(wp), intent(in) :: q(:), direction(:)
+        character(len=:), allocatable, intent(out) :: text
+
+        text = 'the coordinate "'//self%coordinate_label(maxloc(abs(direction)/self%scales(), dim=1))//'" moves without mass'
+    end subroutine describe_motion
 
     !> Set the time scale. Called when a run or an analysis starts at (t, q, qd). Does nothing by default.
     subroutine set_time_scale(self, t, q, qd)

@@ -2,6 +2,7 @@
 !> Messages of a simulation: errors with their time and the constraint concerned, and warnings.
 submodule(tandem_simulation) tandem_simulate_messages
     use tandem_model_consistency, only: find_contradiction
+    use tandem_model_massless, only: find_massless_motion
     use tandem_simulate_advice, only: advice_on_failure, anywhere
     use tandem_simulate_warning, only: add_warning
     use tandem_status, only: status_invalid_model, status_name, status_not_evaluable, status_of, status_singular_mass, &
@@ -11,7 +12,8 @@ submodule(tandem_simulation) tandem_simulate_messages
 contains
 
     module procedure fail
-        character(len=:), allocatable :: message
+        character(len=:), allocatable :: message, motion
+        real(wp), allocatable :: direction(:)
         integer :: circumstance_
 
         circumstance_ = anywhere
@@ -26,8 +28,16 @@ contains
                 message = message//', error '//to_text(self%chart%failure%value)//' of its natural scale'
             end if
         end if
-        if (stat == status_singular_mass .and. self%chart%failure%coordinate > 0) message = message// &
-            ': no constraint determines "'//trim(self%model%coordinate_label(self%chart%failure%coordinate))//'", which has no mass'
+        if (stat == status_singular_mass .and. self%chart%failure%coordinate > 0) then
+            message = message//': no constraint determines "'// &
+                trim(self%model%coordinate_label(self%chart%failure%coordinate))//'", which has no mass'
+        else if (stat == status_singular_mass) then
+            call find_massless_motion(self%model, self%state%t, self%state%q, self%state%qd, direction)
+            if (size(direction) > 0) then
+                call self%model%describe_motion(self%state%q, direction, motion)
+                message = message//': '//motion
+            end if
+        end if
         if (stat == status_invalid_model .and. allocated(self%chart%failure%term)) then
             associate (term => self%chart%failure%term)
                 if (index(term, 'outside') == 1) then

@@ -4,8 +4,7 @@
 module test_sums
     use asserts, only: check_close, check_failure, check_no_failure, check_true
     use mechanism_checks, only: draw, verify
-    use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, terms_type, wp
-    use terms_at, only: get_terms
+    use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -26,6 +25,7 @@ contains
             new_unittest('a-spring-on-a-sum-acts-on-all-its-joints', test_tendon), &
             new_unittest('successive-angles-of-a-gimbal', test_gimbal), &
             new_unittest('an-impossible-inertia-is-a-warning', test_doubt), &
+            new_unittest('a-motion-without-mass-is-named', test_massless), &
             new_unittest('words-name-what-is-wrong', test_words)]
     end subroutine collect_sums
 
@@ -131,8 +131,6 @@ contains
         type(failure_type), allocatable :: failure
         real(wp), parameter :: angles(3) = [2.5_wp, -0.7_wp, -1.9_wp], stiffness(3) = [3.0_wp, 5.0_wp, 7.0_wp], &
             last(3) = [0.6_wp, 0.0_wp, 0.8_wp]
-        real(wp), parameter :: h = 1.0e-5_wp, qd(8) = [0.1_wp, 0.2_wp, 0.3_wp, 0.5_wp, -0.4_wp, 0.7_wp, 0.2_wp, 0.1_wp]
-        type(terms_type) :: terms, ahead, behind
         real(wp) :: q(8), energy
         integer :: k, stat
 
@@ -154,20 +152,22 @@ contains
         call add_springs(['shoulder'], [3])
         call mechanism%add_coupling('rotor', ['shoulder.angle2'], [1.0_wp], failure, inertia=0.3_wp)
         call check_no_failure(error, failure)
-        call mechanism%define(failure)
-        call check_no_failure(error, failure)
+        call verify(mechanism, 'middle angle', error)
         if (allocated(error)) return
         q = 0.0_wp
         q(4:7) = product_of(product_of(turn(angles(1), x), turn(angles(2), y)), turn(angles(3), last))
         call mechanism%potential_energy(0.0_wp, q, energy, stat)
         call check_close(error, [energy], [sum(stiffness*angles**2)/2], 1.0e-13_wp, 'energy of the springs')
-        ! The middle angle by differences with an error of the order of h^2: `verify` steps to where the arc sine is singular.
-        call get_terms(mechanism, 0.0_wp, q, qd, terms, stat)
-        call get_terms(mechanism, 0.0_wp, q + h*qd, qd, ahead, stat)
-        call get_terms(mechanism, 0.0_wp, q - h*qd, qd, behind, stat)
-        call check_close(error, [dot_product(terms%jacobian(4, :), qd)], [(ahead%phi(4) - behind%phi(4))/(2*h)], 1.0e-8_wp, 'rate')
-        call check_close(error, [terms%gamma(4)], &
-            [dot_product(ahead%jacobian(4, :) - behind%jacobian(4, :), qd)/(2*h)], 1.0e-8_wp, 'acceleration')
+        ! The arc sine is singular at a middle angle of 90 degrees; this one has 86.
+        mechanism = mechanism_type()
+        call mechanism%add_body('arm', 1.0_wp, origin, failure, inertia=[1.0_wp, 1.0_wp, 1.0_wp])
+        call mechanism%add_joint('shoulder', 'gimbal', 'ground', 'arm', failure, at=origin, axis=x, &
+            across=[1.0_wp, 0.07_wp, 0.0_wp])
+        call check_no_failure(error, failure)
+        call add_springs(['shoulder'], [3])
+        call mechanism%add_coupling('rotor', ['shoulder.angle2'], [1.0_wp], failure, inertia=0.3_wp)
+        call check_no_failure(error, failure)
+        call verify(mechanism, 'steep middle angle', error)
 
     contains
 
@@ -229,6 +229,45 @@ contains
         call mechanism%add_body('rod', 1.0_wp, origin, failure, inertia=[-1.0e-13_wp, 1.0_wp, 1.0_wp])
         call check_no_failure(error, failure)
     end subroutine test_doubt
+
+    !> A rod that rotates about itself has no inertia; a free body without mass has no joint.
+    subroutine test_massless(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(failure_type), allocatable :: failure
+
+        call add_arm()
+        call mechanism%add_body('rod', 1.0_wp, 2*x, failure, inertia=[0.0_wp, 1.0_wp, 1.0_wp])
+        call mechanism%add_joint('wrist', 'revolute', 'arm', 'rod', failure, at=x, axis=x)
+        call check_message('the body "rod" moves without mass in the joint "wrist"')
+        call add_arm()
+        call mechanism%add_body('ghost', 0.0_wp, 2*x, failure, inertia=[0.0_wp, 0.0_wp, 0.0_wp])
+        call check_message('the body "ghost" moves without mass;')
+
+    contains
+
+        subroutine add_arm()
+            mechanism = mechanism_type()
+            call mechanism%add_body('arm', 1.0_wp, x, failure, inertia=[1.0_wp, 1.0_wp, 1.0_wp])
+            call mechanism%add_joint('shoulder', 'revolute', 'ground', 'arm', failure, at=origin, axis=y)
+        end subroutine add_arm
+
+        subroutine check_message(text)
+            character(len=*), intent(in) :: text
+            type(simulation_type) :: simulation
+            type(options_type) :: options
+            real(wp) :: q(14), qd(14)
+
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call mechanism%define(failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call mechanism%start(q, qd)
+            call simulation%initialize(mechanism, options, 0.0_wp, q, qd, failure)
+            call check_failure(error, failure, 'singular_mass', text)
+        end subroutine check_message
+    end subroutine test_massless
 
     !> Refused sums.
     subroutine test_words(error)

@@ -282,12 +282,12 @@ contains
         particle%m(2) = 0.0_wp
         call particle%define(.true.)
         call simulation%initialize(particle, options, 0.0_wp, spread(0.0_wp, 1, 3), spread(0.0_wp, 1, 3), failure)
-        call check_failure(error, failure, 'singular_mass')
+        call check_failure(error, failure, 'singular_mass', 'the coordinate "q2" moves without mass')
         pendulum%m = 0.0_wp
         call pendulum%define()
         call pendulum%start(0.3_wp, 0.0_wp, q, qd)
         call simulation%initialize(pendulum, options, 0.0_wp, q, qd, failure)
-        call check_failure(error, failure, 'singular_mass')
+        call check_failure(error, failure, 'singular_mass', 'the coordinate "q1" moves without mass')
     end subroutine test_singular_mass
 
     subroutine test_negative_mass(error)

@@ -212,7 +212,7 @@ def sensors(given: Any, names: Sequence[str] | None = None):
 
 @in_style
 def reactions(given: Any, names: Sequence[str] | None = None):
-    """Forces and torques of joints and wheels that the file contains, with one panel per quantity."""
+    """Forces and torques of joints and wheels that the file contains, with one panel per quantity, the largest first."""
     results = drawn_of(given)
     found: dict[tuple[str, str], list[str]] = {}
     for elements in results[0].groups.values():
@@ -229,6 +229,7 @@ def reactions(given: Any, names: Sequence[str] | None = None):
     figure, all_axes = new_figure(len(found), 1, size=(7.5, 0.5 + 2.5 * len(found)), sharex=True)
     titles = names_of_files(results)
     for panel, ((what, unit), group) in zip(all_axes[:, 0], found.items(), strict=True):
+        group.sort(key=lambda name: -np.nan_to_num(series_named(results[0], name)[0]).max(initial=0))
         for k, result in enumerate(results):
             for i, name in enumerate(group[:len(COLOURS)]):
                 panel.plot(result.time, series_named(result, name)[0], **style_of(i, k))

@@ -14,15 +14,15 @@ from .rotations import rotated
 if TYPE_CHECKING:
     from .mechanisms import Mechanism
 
-#: Forces below this fraction of the largest force are rounding errors, and so are torques below this fraction of the largest force
+#: Forces below this fraction of the weight or of the largest force are rounding errors, and so are torques below this fraction of these
 #: times the size of the model.
 LEAST = 1e-9
 
 
 def add_arrows(mechanism: Mechanism, drawing: Drawing, joints: list) -> None:
-    """Add arrows for forces (N) and torques (N m), with components in the axes of the world. Points of action: the position of a joint,
-    the contact point of a wheel, the second point of a distance or a spring, and the point of a load. Torques along the axis of a joint
-    act at the joint."""
+    """Add arrows for forces (N) and torques (N m), with components in the axes of the world, the largest of each first. Points of action:
+    the position of a joint, the contact point of a wheel, the second point of a distance or a spring, and the point of a load. Torques
+    along the axis of a joint act at the joint."""
     positions = points_of_action(mechanism, drawing, joints)
     arrows = []
     for kind in ("joints", "wheels", "constraints", "forces"):
@@ -33,12 +33,19 @@ def add_arrows(mechanism: Mechanism, drawing: Drawing, joints: list) -> None:
         kinds = ("forces",) if "force" in sensor else ("joints", "wheels", "constraints")
         element = sensor.get("reaction", sensor.get("force", name))
         arrows += arrows_of(mechanism, name, series, next(((kind, element) for kind in kinds if (kind, element) in positions), None), positions)
-    force, torque = (max([arrow.largest for arrow in arrows if arrow.unit == unit] or [0.0]) for unit in ("N", "N m"))
+    force, torque = (max([arrow.largest for arrow in arrows if arrow.is_torque == is_torque] or [0.0]) for is_torque in (False, True))
+    force = max(force, weight(mechanism))
     torque = max(torque, force*float(np.max(np.subtract(*drawing.bounds()[::-1]))))
-    for arrow in arrows:
+    for arrow in sorted(arrows, key=lambda arrow: (arrow.is_torque, -arrow.largest)):
         if arrow.largest > LEAST*(torque if arrow.is_torque else force):
             arrow.colour = ARROWS[len(drawing.arrows) % len(ARROWS)]
             drawing.arrows.append(arrow)
+
+
+def weight(mechanism: Mechanism) -> float:
+    """Of the bodies whose mass is given (N)."""
+    masses = [mechanism.numbers.number(keys["mass"]) for keys in mechanism.elements["body"].values() if "mass" in keys]
+    return float(np.linalg.norm(mechanism.gravity)*sum(masses))
 
 
 def points_of_action(mechanism: Mechanism, drawing: Drawing, joints: list) -> dict[tuple[str, str], tuple[str, np.ndarray, np.ndarray | None]]:
