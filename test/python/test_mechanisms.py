@@ -10,6 +10,7 @@ import unittest
 
 import h5py
 import numpy as np
+import tandem
 from test_output import ROOT, Case
 
 MECHANISMS = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml") if 'model = "mechanism"' in path.read_text())
@@ -63,6 +64,22 @@ class References(Mechanism):
             with self.subTest(kind):
                 found = self.sensed("a02_four_bars", f"solver.chart_kind={kind}")["b0/position"][:2]
                 self.near(found, [0.328458111540517, 0.944518538178705], 1e-8)
+
+    def test_singular_positions_are_listed(self):
+        """In the file, with and without events, in a file that is resumed, and by the reader."""
+        for more, names in (("", []), ('[[event]]\nname = "up"\nwatch = "coupler1.y"\nvalue = 0.5\n', ["up"])):
+            scene = self.scene((ROOT / "scenes" / "a02_four_bars.toml").read_text() + more)
+            with self.subTest(names):
+                self.tandem("run", scene, "--no-error", "--quiet", "--force", "--output", "a.h5", "--set", "solver.max_steps=60", code=1)
+                first = tandem.read(self.folder / "a.h5").singular["time"]
+                self.tandem("resume", "a.h5", "--no-error", "--quiet", "--set", "solver.max_steps=10000")
+                self.tandem("verify", "a.h5")
+                found = tandem.read(self.folder / "a.h5")
+                self.assertEqual((len(found.singular["time"]), len(found.singular["error"])), (10, 10))
+                self.near(found.singular["time"][:len(first)], first, 0)
+                self.near(found.singular["time"][:2], [0.714355529, 1.22815939], 1e-7)
+                self.assertTrue((found.singular["error"] > 0).all() and (found.singular["error"] < 1e-6).all())
+                self.assertEqual(sorted(set(found.events.get("name", []))), names)
 
     def test_andrews(self):
         found = self.sensed("a03_andrews")

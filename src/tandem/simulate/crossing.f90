@@ -461,6 +461,34 @@ contains
         end associate
     end procedure look_into_crossing
 
+    module procedure leave_start
+        !> Smallest part of the step that a stop of steps may leave.
+        real(wp), parameter :: least_rest = 0.1_wp
+        integer :: stat
+
+        associate (crossing => self%crossing, record => self%crossing%record, trial => self%crossing%trial)
+            if (record%t_to > stop_at) then
+                if (stop_at - record%t < least_rest*(record%t_to - record%t)) then
+                    crossing%obstacle = 'the stop of the steps at t = '//to_text(stop_at)//' is too near behind it'
+                    call self%fail(status_rank_deficient, 'at the start', error)
+                    return
+                end if
+                record%t_to = stop_at
+            end if
+            call prepare(self)
+            trial%t = record%t_to
+            call crossing%curve%evaluate(trial%t, trial%q, trial%qd, trial%qdd)
+            call self%chart%project(trial%t, trial%q, trial%qd, .true., stat)
+            if (stat == status_ok) call self%chart%accelerate(trial%t, trial%q, trial%qd, step_end, trial%qdd, stat)
+            if (stat /= status_ok) then
+                call self%fail(stat, 'in the first step, from a singular configuration', error)
+                return
+            end if
+            crossing%starts = .false.
+        end associate
+        call go_over(self)
+    end procedure leave_start
+
     !> Make the step: its end is the next state.
     subroutine go_over(self)
         class(simulation_type), intent(inout) :: self
