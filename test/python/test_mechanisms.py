@@ -5,13 +5,16 @@ import json
 import math
 import re
 import resource
+import sys
 import tomllib
 import unittest
 
 import h5py
 import numpy as np
-import tandem
 from test_output import ROOT, Case
+
+sys.path.insert(0, str(ROOT / "python" / "src"))
+import tandem  # noqa: E402
 
 MECHANISMS = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml") if 'model = "mechanism"' in path.read_text())
 
