@@ -6,8 +6,8 @@ submodule(tandem_simulation:tandem_simulate_start) tandem_simulate_branch_start
     implicit none (type, external)
 
     !> Times at which the equations of motion are satisfied, relative to the length of the step.
-    integer, parameter :: n_nodes = 6
-    real(wp), parameter :: nodes(n_nodes) = [0.375_wp, 0.5_wp, 0.625_wp, 0.75_wp, 0.875_wp, 1.0_wp]
+    integer, parameter :: n_nodes = 8
+    real(wp), parameter :: nodes(n_nodes) = [0.3_wp, 0.4_wp, 0.5_wp, 0.6_wp, 0.7_wp, 0.8_wp, 0.9_wp, 1.0_wp]
     !> Largest error of the step.
     real(wp), parameter :: largest_error = 1.0e-5_wp
 
@@ -58,7 +58,7 @@ contains
         class(simulation_type), intent(inout) :: self
         !> The start; its largest velocity on the coordinates' scales; the latest end.
         real(wp), intent(in) :: t, q(:), qd(:), speed, longest
-        !> Longest step on the coordinates' scales; increase of the error from which on shorter steps are not tried.
+        !> Longest step on the coordinates' scales; increase of a sufficient error from which on shorter steps are not tried.
         real(wp), parameter :: farthest = 0.3_wp, grows = 100.0_wp
         integer, parameter :: n_tries = 12
         real(wp) :: h, last_h, best_h, error, least_error, off, least_off
@@ -79,7 +79,7 @@ contains
                 least_off = off
                 best_h = h
             end if
-            if (error > grows*least_error) exit
+            if (least_error <= largest_error .and. error > grows*least_error) exit
         end do
         associate (crossing => self%crossing)
             crossing%obstacle = 'the motion along the velocity is uncertain by '//to_text(min(least_error, 1.0_wp))
