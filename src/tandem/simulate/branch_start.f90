@@ -95,7 +95,7 @@ contains
         end associate
     end subroutine choose_step
 
-    !> Determine the polynomial of a step by iteration: the accelerations at its nodes, projected onto the manifold, integrated twice.
+    !> Determine the polynomial of a step by iteration: the accelerations at its nodes, on the manifold, integrated twice.
     subroutine collocate(self, t, q, qd, h, error, off)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), h
@@ -106,7 +106,8 @@ contains
         integer, parameter :: most_passes = 12
         !> Relative change by rounding.
         real(wp), parameter :: rounding = 1.0e-14_wp
-        real(wp) :: lagrange(0:n_nodes - 1, n_nodes), power(0:n_nodes - 1), a(size(q), n_nodes), change, last_change, t_node
+        real(wp) :: lagrange(0:n_nodes - 1, n_nodes), power(0:n_nodes - 1), a(size(q), n_nodes)
+        real(wp) :: change, last_change, t_node
         integer :: pass, i, m, stat
 
         call set_lagrange(lagrange)
