@@ -267,8 +267,8 @@ contains
         call check_true(error, n_covered >= 95, 'estimates cover the errors')
     end subroutine test_estimates
 
-    !> Lengths that differ by 1e-4 to 1e-12 separate the branches: the linkage comes near the flat position and turns off, or the run
-    !> stops. Whether configurations are passed does not matter for differences from 1e-9.
+    !> Lengths that differ by 1e-4 to 1e-12 separate the branches: the linkage comes near the flat position and turns off, or the
+    !> run stops. For differences from 1e-9 on it does not matter if configurations are passed.
     subroutine test_near(error)
         type(error_type), allocatable, intent(out) :: error
         type(four_bar_type), target :: model
