@@ -5,12 +5,16 @@ import json
 import math
 import re
 import resource
+import sys
 import tomllib
 import unittest
 
 import h5py
 import numpy as np
 from test_output import ROOT, Case
+
+sys.path.insert(0, str(ROOT / "python" / "src"))
+import tandem  # noqa: E402
 
 MECHANISMS = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml") if 'model = "mechanism"' in path.read_text())
 
@@ -63,6 +67,42 @@ class References(Mechanism):
             with self.subTest(kind):
                 found = self.sensed("a02_four_bars", f"solver.chart_kind={kind}")["b0/position"][:2]
                 self.near(found, [0.328458111540517, 0.944518538178705], 1e-8)
+
+    def test_singular_positions_are_listed(self):
+        """In the file, with and without events, in a file that is resumed, and by the reader."""
+        for more, names in (("", []), ('[[event]]\nname = "up"\nwatch = "coupler1.y"\nvalue = 0.5\n', ["up"])):
+            scene = self.scene((ROOT / "scenes" / "a02_four_bars.toml").read_text() + more)
+            with self.subTest(names):
+                self.tandem("run", scene, "--no-error", "--quiet", "--force", "--output", "a.h5", "--set", "solver.max_steps=60", code=1)
+                first = tandem.read(self.folder / "a.h5").singular["time"]
+                self.tandem("resume", "a.h5", "--no-error", "--quiet", "--set", "solver.max_steps=10000")
+                self.tandem("verify", "a.h5")
+                found = tandem.read(self.folder / "a.h5")
+                self.assertEqual((len(found.singular["time"]), len(found.singular["error"])), (10, 10))
+                self.assertEqual(found.singular["time"][:len(first)].tolist(), first.tolist())
+                self.near(found.singular["time"][:2], [0.714355529, 1.22815939], 1e-7)
+                self.assertTrue((found.singular["error"] > 0).all() and (found.singular["error"] < 1e-6).all())
+                self.assertEqual(sorted(set(found.events.get("name", []))), names)
+
+    def test_a_start_in_a_singular_position(self):
+        """A flat parallelogram of hinges in space, some rows of which are redundant besides, moves like a pendulum."""
+        bodies = "".join(f"[body.{name}]\nmass = 1\ninertia = [0.1, 0.1, 0.1]\nposition = [{x}, 0, 0]\nvelocity = [0, 0, {speed}]\n"
+                         f"omega = [0, {rate}, 0]\n" for name, x, speed, rate in (("a", 0.5, -2.5, 5), ("c", 2, -5, 0), ("b", 2.5, -2.5, 5)))
+        joints = "".join(f'[joint.{name}]\ntype = "revolute"\nbodies = ["{one}", "{two}"]\nat = [{x}, 0, 0]\naxis = [0, 1, 0]\n'
+                         for name, one, two, x in (("p", "ground", "a", 0), ("q", "a", "c", 1), ("r", "c", "b", 3), ("s", "ground", "b", 2)))
+        scene = self.scene(f'[scene]\nmodel = "mechanism"\n[gravity]\nvector = [0, 0, -9.81]\n{bodies}{joints}[time]\nend = 2\n'
+                           '[solver]\nstepper = "dop853"\nrtol = 1e-10\n')
+        for kind in ("dense", "sparse"):
+            with self.subTest(kind):
+                self.went(scene, f"solver.chart_kind={kind}").close()
+                found = tandem.read(self.folder / "out.h5")
+                x, z = (found.q[:, found.names.index("a." + i)] for i in "xz")
+                speed = found.qd[:, [found.names.index("a." + i) for i in "xz"]]
+                self.near(4*(speed**2).sum(axis=1), 25 - 4*9.81*2/1.7*z, 1e-7)
+                self.near(found.q[:, found.names.index("b.x")], x + 2, 1e-9)
+                self.near(found.q[:, found.names.index("b.z")], z, 1e-9)
+                self.assertEqual(found.singular["time"][0], 0)
+                self.assertEqual(len(found.singular["time"]), 3)
 
     def test_andrews(self):
         found = self.sensed("a03_andrews")

@@ -245,7 +245,7 @@ contains
         end do
     end subroutine print_events
 
-    !> Print number, first times and largest error of the singular configurations that were passed.
+    !> Print number, first times with errors, and largest error of the singular configurations that were passed.
     subroutine print_crossings(simulation)
         type(simulation_type), intent(in) :: simulation
         !> Number of times shown.
@@ -257,10 +257,10 @@ contains
         associate (n => simulation%n_crossings, crossings => simulation%crossings)
             do k = 1, min(n, most_times)
                 if (k > 1) times = times//', '
-                times = times//short(crossings(k)%t, 9)
+                times = times//short(crossings(k)%t, 9)//' s ('//short(crossings(k)%error, 1)//')'
             end do
             if (n > most_times) times = times//', ...'
-            call print_line('singular', 'passed '//counted(int(n, long), 'time')//times//' s, by estimated errors of '// &
+            call print_line('singular', 'passed '//counted(int(n, long), 'time')//times//'; estimated errors in parentheses, '// &
                 short(maxval(crossings(:n)%error), 2)//' of |y| + scale at most')
         end associate
     end subroutine print_crossings

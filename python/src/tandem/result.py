@@ -42,7 +42,8 @@ class Result:
     `time` (nt), `q`, `qd`, `qdd` (nt, n) and `multipliers`, as far as the scene requested them; `names` and `units` of the
     coordinates; `result["rod.x"]` is the series of that name. `sensors["tip"]["position"]`, `diagnostics["step"]` and
     `groups["joints"]["pin"]["force"]` (the content of /bodies, /joints, /wheels, /constraints, /forces and /balance) are `Series`;
-    `events`, `report`, `scene` and `scene_text`, `status`, `message`; `path` of its file.
+    `events`; `singular` configurations that were passed, their `time` and `error`; `report`, `scene` and `scene_text`, `status`,
+    `message`; `path` of its file.
     """
 
     time: np.ndarray
@@ -57,6 +58,7 @@ class Result:
     sensors: dict[str, dict[str, Series]] = field(default_factory=dict)
     groups: dict[str, dict[str, dict[str, Series]]] = field(default_factory=dict)
     events: dict[str, np.ndarray] = field(default_factory=dict)
+    singular: dict[str, np.ndarray] = field(default_factory=dict)
     report: dict[str, Any] = field(default_factory=dict)
     scene: dict[str, Any] = field(default_factory=dict)
     scene_text: str = ""
@@ -211,7 +213,8 @@ def read_groups(path: str | Path, file, every: int = 1) -> Result:
         found.report = {name: plain(value) for name, value in file["report"].attrs.items()}
     if "events" in file:
         found.events = {name: data.asstr()[:] if data.dtype.kind == "O" else data[:] for name, data in file["events"].items()
-                        if name != "coordinate"}
+                        if name not in ("coordinate", "singular")}
+        found.singular = {name: data[:] for name, data in file["events"].get("singular", {}).items()}
         if "name" in found.events:
             found.events["name"] = np.array([text(name) for name in found.events["name"]])
     return found

@@ -393,15 +393,17 @@ contains
     end subroutine judge
 
     !> True if the polynomial satisfies the constraints close to the configuration. Where the motion only passes near a
-    !> configuration of lower rank and turns off, the polynomial passes between two branches.
+    !> configuration of lower rank and turns off, the polynomial passes between two branches, and its distance from them grows with
+    !> the inverse of the independence; errors of the polynomial do not.
     logical function stays_near(self)
         class(simulation_type), intent(inout) :: self
-        !> Part of the best independence there; largest rounding error of the position.
-        real(wp), parameter :: parts(2) = [1.0e-4_wp, 1.0e-3_wp], rounding = 1.0e-9_wp
-        real(wp) :: t
+        !> Part of the best independence there; rounding error of the position; growth of the distance between both.
+        real(wp), parameter :: parts(2) = [1.0e-3_wp, 1.0e-4_wp], rounding = 1.0e-9_wp, grows = 3.0_wp
+        real(wp) :: t, distance, last_distance
         integer :: k, stat
 
         stays_near = .false.
+        last_distance = huge(1.0_wp)
         associate (crossing => self%crossing, there => self%crossing%predicted)
             do k = 1, size(parts)
                 t = crossing%record%t + min(parts(k)*self%chart%best_independence/crossing%rate, &
@@ -409,12 +411,15 @@ contains
                 call crossing%curve%evaluate(t, there%q, there%qd, there%qdd)
                 there%dq(:) = there%q
                 call self%chart%project(t, there%q, there%qd, .true., stat)
-                if (stat == status_ok) exit
+                if (stat /= status_ok) exit
+                there%dq(:) = there%q - there%dq
+                there%dqd(:) = 0.0_wp
+                distance = self%local_error%largest_part(crossing%trial, there%dq, there%dqd)
+                stays_near = distance <= crossing%record%error + rounding .and. distance <= grows*min(last_distance, 1.0_wp) + &
+                    rounding*(1.0_wp + self%model%largest_on_scales(there%q))
+                if (.not. stays_near) return
+                last_distance = distance
             end do
-            if (stat /= status_ok) return
-            there%dq(:) = there%q - there%dq
-            there%dqd(:) = 0.0_wp
-            stays_near = self%local_error%largest_part(crossing%trial, there%dq, there%dqd) <= crossing%record%error + rounding
         end associate
     end function stays_near
 
@@ -460,6 +465,34 @@ contains
             if (stat == status_ok) call self%chart%accelerate(t, state%q, state%qd, step_end, state%qdd, stat)
         end associate
     end procedure look_into_crossing
+
+    module procedure leave_start
+        !> Smallest part of the step that a stop of steps may leave.
+        real(wp), parameter :: least_rest = 0.1_wp
+        integer :: stat
+
+        associate (crossing => self%crossing, record => self%crossing%record, trial => self%crossing%trial)
+            if (record%t_to > stop_at) then
+                if (stop_at - record%t < least_rest*(record%t_to - record%t)) then
+                    crossing%obstacle = 'the stop of the steps at t = '//to_text(stop_at)//' is too near behind it'
+                    call self%fail(status_rank_deficient, 'at the start', error)
+                    return
+                end if
+                record%t_to = stop_at
+            end if
+            call prepare(self)
+            trial%t = record%t_to
+            call crossing%curve%evaluate(trial%t, trial%q, trial%qd, trial%qdd)
+            call self%chart%project(trial%t, trial%q, trial%qd, .true., stat)
+            if (stat == status_ok) call self%chart%accelerate(trial%t, trial%q, trial%qd, step_end, trial%qdd, stat)
+            if (stat /= status_ok) then
+                call self%fail(stat, 'in the first step, from a singular configuration', error)
+                return
+            end if
+            crossing%starts = .false.
+        end associate
+        call go_over(self)
+    end procedure leave_start
 
     !> Make the step: its end is the next state.
     subroutine go_over(self)

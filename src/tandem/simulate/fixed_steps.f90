@@ -20,9 +20,15 @@ contains
                 to_text(self%options%step)//' towards '//to_text(t_limit))
             return
         end if
-        call renew_by_policy(self, error)
+        is_crossed = self%crossing%starts
+        if (is_crossed) then
+            call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
+            call self%leave_start(stop_at, error)
+        else
+            call renew_by_policy(self, error)
+            if (.not. allocated(error)) call take_fixed_step(self, h, t_limit, is_crossed, stat)
+        end if
         if (allocated(error)) return
-        call take_fixed_step(self, h, t_limit, is_crossed, stat)
         if (is_crossed) then
             call find_stop(self, t_limit, stop_at, ends_at_breakpoint)
             ends_at_breakpoint = ends_at_breakpoint .and. self%next%t >= stop_at

@@ -173,7 +173,7 @@ module tandem_simulation
         procedure :: warn, add_event, save_state, restore_state
         procedure, private :: check_ready, advance, make_room, part_end, judge_between, look_for_events, act_on_events, accept_start
         procedure, private :: choose_rows_anew, has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, move_origin
-        procedure, private :: consider_exchange, consider_crossing, note_end, look_into_crossing
+        procedure, private :: consider_exchange, consider_crossing, leave_start, note_end, look_into_crossing
         procedure, private :: consider_beginning, take_stepper, set_method, measure_errors, fail, explain, compare_procedures
         procedure, private :: with_rows
         procedure :: start_clock, stop_clock
@@ -489,6 +489,15 @@ module tandem_simulation
             logical, intent(out) :: is_loss
             logical, intent(out) :: is_crossed
         end subroutine consider_crossing
+
+        !> Make the first step, into `next`, from a start in a singular configuration.
+        module subroutine leave_start(self, stop_at, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> Latest end of the step.
+            real(wp), intent(in) :: stop_at
+            type(error_type), allocatable, intent(out) :: error
+        end subroutine leave_start
 
         !> Keep the end of a step for later crossings, and record the configuration that the step has passed.
         module subroutine note_end(self)

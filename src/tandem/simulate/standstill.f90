@@ -162,6 +162,8 @@ contains
 
             why = self%lost_rank%was_met(self%state%t)
             if (why == status_ok) why = reason
+            ! Errors of accelerations grow without bound towards a loss of rank.
+            if (why == status_ok .and. self%lost_rank%is_close(self%chart)) why = status_rank_deficient
             if (why /= status_ok) then
                 call self%fail(why, 'at t = '//to_text(self%state%t)//' with the smallest step, h = '//to_text(h), error, &
                     at_smallest_step)

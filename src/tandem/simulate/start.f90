@@ -9,9 +9,41 @@ submodule(tandem_simulation) tandem_simulate_start
     character(len=12), parameter :: level_name(3) = [character(len=12) :: 'position', 'velocity', 'acceleration']
     character(len=*), parameter :: beside_start = 'at the start, but not near it (a singular configuration)'
 
+    interface
+        !> Accept a start in a singular configuration if the velocity belongs to one branch; otherwise `crossing%obstacle` is the
+        !> reason.
+        module subroutine start_on_branch(self, q, qd, is_sparse, error)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> Coordinates and velocities at the start, and kind of the chart.
+            real(wp), intent(in) :: q(:), qd(:)
+            logical, intent(in) :: is_sparse
+            !> The error of a start without a branch; deallocated if it is accepted.
+            type(error_type), allocatable, intent(inout) :: error
+        end subroutine start_on_branch
+    end interface
+
 contains
 
     module procedure accept_start
+        real(wp) :: q(size(self%state%q)), qd(size(self%state%q))
+        logical :: is_sparse
+
+        q = self%state%q
+        qd = self%state%qd
+        is_sparse = self%is_sparse
+        call accept_state(self, error)
+        if (.not. allocated(error)) return
+        if (error%stat /= status_rank_deficient .or. .not. self%crossing%is_on) return
+        call start_on_branch(self, q, qd, is_sparse, error)
+        if (allocated(error)) error%message = error%message//'; a start here requires a velocity along one branch, but '// &
+            trim(self%crossing%obstacle)
+    end procedure accept_start
+
+    !> Accept a state beside singular configurations.
+    subroutine accept_state(self, error)
+        class(simulation_type), intent(inout) :: self
+        type(error_type), allocatable, intent(out) :: error
         integer :: rows(3), stat, i
 
         ! These arrays are not in use yet; store the start in them.
@@ -71,7 +103,7 @@ contains
         end if
         call self%measure_errors(error)
         if (.not. allocated(error)) call warn_of_integrable_rows(self)
-    end procedure accept_start
+    end subroutine accept_state
 
     !> Change to a sparse chart if redundant rows make the dense chart more expensive.
     subroutine enter_sparse(self, stat, error)

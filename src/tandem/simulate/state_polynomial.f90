@@ -20,7 +20,7 @@ module tandem_simulate_state_polynomial
         !> Work space (n, 3).
         real(wp), allocatable, private :: values(:, :)
     contains
-        procedure :: begin, add_state, add_acceleration, evaluate, pack_state
+        procedure :: begin, add_state, add_acceleration, add_power, evaluate, pack_state
     end type state_polynomial_type
 
 contains
@@ -79,6 +79,17 @@ contains
             self%c(i, self%n_terms) = (qdd(i) - self%values(i, 3))/product(3)
         end do
     end subroutine add_acceleration
+
+    !> Add the next power of the time since t0, if the terms so far are powers.
+    pure subroutine add_power(self, coefficients)
+        class(state_polynomial_type), intent(inout) :: self
+        !> (n).
+        real(wp), intent(in) :: coefficients(:)
+
+        self%n_terms = self%n_terms + 1
+        self%zeros(self%n_terms) = 0.0_wp
+        self%c(:, self%n_terms) = coefficients
+    end subroutine add_power
 
     !> The product of all factors x - zeros, with its first and second derivative.
     pure subroutine find_product(self, x, product)

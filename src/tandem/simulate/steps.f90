@@ -500,6 +500,11 @@ contains
         is_first = .false.
         is_loss = .false.
         is_crossed = .false.
+        if (self%crossing%starts) then
+            call self%leave_start(stop_at, error)
+            is_crossed = .true.
+            return
+        end if
         call self%local_error%begin_step(self%state%t)
         call renew_by_policy(self, error)
         if (allocated(error)) return

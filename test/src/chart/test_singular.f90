@@ -31,7 +31,7 @@ contains
         type(unittest_type), allocatable, intent(out) :: testsuite(:)
 
         testsuite = [ &
-            new_unittest('a-flat-four-bar-cannot-start', test_flat_start), &
+            new_unittest('a-flat-four-bar-cannot-start-where-runs-stop', test_flat_start), &
             new_unittest('four-bar-stops-at-its-flat-position', test_through_flat), &
             new_unittest('four-bar-stops-at-its-flat-position-in-one-chart', test_through_flat_in_one_chart), &
             new_unittest('four-bar-stops-where-a-run-ends-flat', test_end_flat), &
@@ -51,15 +51,18 @@ contains
         type(four_bar_type), target :: model
         type(simulation_type) :: simulation
         type(failure_type), allocatable :: failure
+        type(options_type) :: options
         real(wp) :: q(9), qd(9)
         integer :: i, k
 
+        options = choose(stepper='rk4')
+        options%singular = 'stop'
         do k = 1, 2
             if (k == 2) model%length = [0.7_wp, 1.2_wp, 0.7_wp, 1.2_wp]
             call model%define()
             do i = 0, 3
                 call model%start(pi*mod(i, 2), real(i/2, wp), q, qd)
-                call simulation%initialize(model, choose(stepper='rk4'), 0.0_wp, q, qd, failure)
+                call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
                 call check_failure(error, failure, 'rank_deficient', 'joint')
                 if (allocated(error)) return
                 call check_text(error, failure%message, ' x')

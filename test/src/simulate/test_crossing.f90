@@ -39,7 +39,9 @@ contains
             new_unittest('too-slow-a-motion-is-not-passed', test_slow), &
             new_unittest('the-motion-within-a-crossing', test_within), &
             new_unittest('an-event-within-a-crossing', test_event), &
-            new_unittest('a-resumed-run-crosses-alike', test_resumption)]
+            new_unittest('a-resumed-run-crosses-alike', test_resumption), &
+            new_unittest('a-start-in-a-singular-configuration', test_start), &
+            new_unittest('a-start-between-branches-is-refused', test_undetermined_start)]
     end subroutine collect_crossing
 
     !> The angle and its rate at a time from those at the start, by 20000 steps of RK4 per unit of time; error below 1e-12.
@@ -265,8 +267,8 @@ contains
         call check_true(error, n_covered >= 95, 'estimates cover the errors')
     end subroutine test_estimates
 
-    !> Lengths that differ by 1e-4 to 1e-9 separate the branches: the linkage comes near the flat position and turns off. Whether
-    !> configurations are passed does not matter.
+    !> Lengths that differ by 1e-4 to 1e-12 separate the branches: the linkage comes near the flat position and turns off, or the
+    !> run stops. For differences from 1e-9 on it does not matter if configurations are passed.
     subroutine test_near(error)
         type(error_type), allocatable, intent(out) :: error
         type(four_bar_type), target :: model
@@ -276,21 +278,23 @@ contains
         real(wp) :: q(9), qd(9)
         integer :: i
 
-        do i = 4, 9
+        do i = 4, 12
             model%length = [1.0_wp, 1.0_wp, 1.0_wp, 1.0_wp - 10.0_wp**(-i)]
             model%g = 0.0_wp
             call model%define()
             options = choose(stepper='dop853')
             call change_stepper(options, options%stepper, rtol=1.0e-9_wp)
             call model%start(2.5_wp, 2.0_wp, q, qd)
+            options%singular = 'pass'
+            call run(passing, model, options, 0.0_wp, q, qd, 0.6_wp, failure)
+            call check_count(error, passing%n_crossings, 0, 'crossings')
+            if (allocated(error)) return
+            if (i > 9) cycle
+            call check_no_failure(error, failure)
             options%singular = 'stop'
             call run(stopping, model, options, 0.0_wp, q, qd, 0.6_wp, failure)
             if (allocated(failure)) cycle
-            options%singular = 'pass'
-            call run(passing, model, options, 0.0_wp, q, qd, 0.6_wp, failure)
-            call check_no_failure(error, failure)
             call check_close(error, passing%state%q, stopping%state%q, 1.0e-3_wp, 'q at the end')
-            call check_count(error, passing%n_crossings, 0, 'crossings')
             if (allocated(error)) return
         end do
     end subroutine test_near
@@ -459,4 +463,99 @@ contains
             end do
         end do
     end subroutine test_resumption
+
+    !> Starts in the flat position continue on the branch of their velocity, resume bitwise before their first step, and end where a
+    !> short run ends.
+    subroutine test_start(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=7), parameter :: steppers(3) = [character(len=7) :: 'dop853', 'radau5', 'rk4']
+        real(wp), parameter :: bounds(3) = [1.0e-7_wp, 1.0e-7_wp, 1.0e-5_wp]
+        type(crank_pair_type), target :: model, other
+        type(simulation_type) :: simulation, again
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        integer(long), allocatable :: words(:)
+        real(wp) :: q(4), qd(4), angle, rate, t_end
+        integer :: i, k
+
+        call model%define()
+        call other%define()
+        do k = 1, size(steppers)
+            options = choose(stepper=trim(steppers(k)), step=1.0e-3_wp)
+            if (steppers(k) /= 'rk4') call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
+            do i = 1, 4
+                ! The third run is short, the fourth has a velocity of the branch that rounding has changed.
+                t_end = merge(2.0e-2_wp, 2.0_wp, i == 3)
+                angle = 0.0_wp
+                rate = 5.0_wp
+                call start_of(merge(antiparallel, parallel, i == 2), q, qd)
+                if (i == 4) qd = qd*(1 + 1.0e-15_wp*[1, -1, 2, 1])
+                call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                call check_close(error, simulation%state%qd, qd, 1.0e-13_wp, 'the velocity is kept')
+                call simulation%save_state(words, failure)
+                call check_no_failure(error, failure)
+                call simulation%integrate(t_end, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                call turn(merge(antiparallel, parallel, i == 2), t_end, angle, rate)
+                call start_of(merge(antiparallel, parallel, i == 2), q, qd)
+                call check_close(error, simulation%state%q, q, bounds(k), 'q at the end')
+                call check_close(error, simulation%state%qd, qd, 10*bounds(k), 'qd at the end')
+                call check_true(error, simulation%n_crossings > 0, 'the start is recorded')
+                angle = 0.0_wp
+                rate = 5.0_wp
+                call start_of(merge(antiparallel, parallel, i == 2), q, qd)
+                call again%initialize(other, options, 0.0_wp, q, qd, failure)
+                call check_no_failure(error, failure)
+                call again%restore_state(words, failure)
+                call check_no_failure(error, failure)
+                call again%integrate(t_end, failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                call check_true(error, all(abs(again%state%q - simulation%state%q) <= 0.0_wp), 'a resumed run is the same')
+            end do
+        end do
+
+    contains
+
+        subroutine start_of(kind, q, qd)
+            integer, intent(in) :: kind
+            real(wp), intent(out) :: q(4), qd(4)
+
+            if (kind == parallel) then
+                call model%start(angle, rate, q, qd)
+            else
+                call place_antiparallel(angle, rate, q, qd)
+            end if
+        end subroutine start_of
+    end subroutine test_start
+
+    !> Velocities of no branch, and none.
+    subroutine test_undetermined_start(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: rates(2, 4) = reshape([1.0_wp, 0.5_wp, 1.0_wp, 1.0001_wp, 1.0_wp, -2.99_wp, 0.0_wp, 0.0_wp], [2, 4])
+        type(crank_pair_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(4), qd(4)
+        integer :: i
+
+        call model%define()
+        options = choose(stepper='dop853')
+        call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
+        do i = 1, size(rates, 2)
+            call model%start(0.0_wp, 1.0_wp, q, qd)
+            qd = [0.0_wp, rates(1, i), 0.0_wp, rates(2, i)]
+            call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
+            if (i < 4) then
+                call check_failure(error, failure, 'rank_deficient', 'the velocity belongs to no branch')
+            else
+                call check_failure(error, failure, 'rank_deficient', 'the velocity is zero')
+            end if
+            if (allocated(error)) return
+        end do
+    end subroutine test_undetermined_start
 end module test_crossing

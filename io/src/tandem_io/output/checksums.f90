@@ -217,7 +217,9 @@ contains
                 if (file%has(path)) names = names//' '//path
             end associate
         end do
-        if (file%has('/events')) names = names//' '//event_paths
+        if (file%has('/events')) then
+            if (file%has('/events/time')) names = names//' '//event_paths
+        end if
         last = 0
         do i = 1, count_names(names)
             start = last + 1

@@ -17,7 +17,7 @@ struct contents {
     int lost;
     uint64_t sum;
     const char *object;
-    int depth, in_report;
+    int depth, in_report, in_events, in_singular;
 };
 
 static void add(struct contents *found, const char *text)
@@ -30,7 +30,7 @@ static void add(struct contents *found, const char *text)
 /* True for text attributes that change at the end of a run. */
 static int changes(const struct contents *found, const char *attribute)
 {
-    return found->in_report ||
+    return found->in_report || found->in_singular ||
            (strcmp(found->object, "/") == 0 && (strcmp(attribute, "status") == 0 || strcmp(attribute, "status_message") == 0));
 }
 
@@ -89,7 +89,9 @@ static int read_object(hid_t place, const char *name, int depth, struct contents
     found->object = name;
     found->depth = depth;
     if (depth == 1)
-        found->in_report = strcmp(name, "report") == 0;
+        found->in_report = strcmp(name, "report") == 0, found->in_events = strcmp(name, "events") == 0;
+    if (depth <= 2)
+        found->in_singular = depth == 2 && found->in_events && strcmp(name, "singular") == 0;
     stat = object < 0 || H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_INC, NULL, read_attribute, found) < 0 ? -1 : 0;
     if (stat == 0 && H5Iget_type(object) == H5I_GROUP) {
         stat = H5Gget_info(object, &group) < 0 ? -1 : 0;
@@ -108,7 +110,7 @@ static int read_object(hid_t place, const char *name, int depth, struct contents
 /* Returns the number of unreadable texts; -1 if anything else is unreadable. */
 int tandem_contents_read(int64_t file, uint64_t *sum)
 {
-    struct contents found = {0, 0xcbf29ce484222325u, NULL, 0, 0};
+    struct contents found = {0, 0xcbf29ce484222325u, NULL, 0, 0, 0, 0};
     int stat = read_object((hid_t)file, "/", 0, &found);
 
     *sum = found.sum;

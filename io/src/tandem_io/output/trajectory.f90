@@ -10,6 +10,7 @@ module tandem_io_output_trajectory
     use tandem_fletcher, only: fletcher_type
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_checksums, only: checksums_type, examine, finding_type
+    use tandem_io_output_crossings, only: write_crossings
     use tandem_io_output_events, only: event_output_type, event_paths
     use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, index_of, &
         output_type
@@ -520,6 +521,13 @@ contains
         if (allocated(self%series)) call self%checksums%write(self%file, self%rows, self%events%rows, checksums_of(self))
         call self%close_datasets()
         if (.not. allocated(self%file%problem)) call write_outcome(self, simulation, run_error)
+        ! After the texts of the outcome, for which space is reserved.
+        if (simulation%n_crossings > 0 .and. .not. allocated(self%file%problem)) then
+            call self%file%reopen(self%path)
+            call write_crossings(self%file, simulation%crossings(:simulation%n_crossings))
+            call self%file%flush()
+            call self%file%close(self%more_follows)
+        end if
         if (.not. self%more_follows) call self%file_claim%drop()
         if (.not. allocated(self%file%problem)) return
         call self%set_file_error(error)
@@ -555,7 +563,7 @@ contains
         call self%file%attach('/report', 'status_code', status_code)
         call self%file%attach('/', 'status', status)
         call self%file%flush()
-        call self%file%close(self%more_follows)
+        call self%file%close(self%more_follows .or. simulation%n_crossings > 0)
     end subroutine write_outcome
 
     !> Write the global error of the run into the file after `close`.

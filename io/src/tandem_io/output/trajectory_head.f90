@@ -2,6 +2,7 @@
 !> Root attributes and groups of a result file.
 submodule(tandem_io_output_trajectory) tandem_io_output_trajectory_head
     use tandem_name_index, only: name_index_type
+    use tandem_io_output_crossings, only: crossings_path
     use tandem_io_version, only: format_version, tandem_version
     implicit none (type, external)
 
@@ -46,6 +47,7 @@ contains
         call file%attach('/', 'status_message', '')
         call file%detach_all('/report')
         call file%remove('/report/profile')
+        if (file%has('/events')) call file%remove(crossings_path)
         call file%flush()
     end procedure reset_outcome
 

@@ -265,7 +265,6 @@ contains
             self%left_out = pack([(i, i=1, size(is_out))], is_out)
         end associate
         self%n_dropped = size(self%left_out)
-        self%best_independence = 0.0_wp
         self%chosen_independence = 0.0_wp
         if (self%n_dropped > 0) call self%make_origin(t, q, qd, stat)
         if (self%n_dropped == 0) stat = status_rank_deficient
