@@ -289,23 +289,26 @@ contains
         character(len=*), intent(in), optional :: choices(:)
         integer :: i
 
+        if (allocated(self%error)) return
         if (present(word)) then
-            if (.not. allocated(self%error)) call check_word(row, word, choices, self%error)
+            call check_word(row, word, choices, self%error)
         else if (present(whole)) then
-            call refuse('', to_text(whole), row%problem_of(real(whole, wp)))
+            if (row%problem_of(real(whole, wp)) /= '') call refuse('', to_text(whole), real(whole, wp))
         else if (present(number)) then
-            call refuse('', to_text(number), row%problem_of(number))
+            if (row%problem_of(number) /= '') call refuse('', to_text(number), number)
         else if (allocated(list)) then
             do i = 1, size(list)
-                call refuse('('//to_text(i)//')', to_text(list(i)), row%problem_of(list(i)))
+                if (row%problem_of(list(i)) == '') cycle
+                call refuse('('//to_text(i)//')', to_text(list(i)), list(i))
+                return
             end do
         end if
     contains
-        subroutine refuse(place, value, problem)
-            character(len=*), intent(in) :: place, value, problem
+        subroutine refuse(place, text, value)
+            character(len=*), intent(in) :: place, text
+            real(wp), intent(in) :: value
 
-            if (allocated(self%error) .or. problem == '') return
-            call set_error(self%error, status_invalid_option, trim(row%name)//place//' = '//value//' '//trim(problem))
+            call set_error(self%error, status_invalid_option, trim(row%name)//place//' = '//text//' '//trim(row%problem_of(value)))
         end subroutine refuse
     end subroutine check_option
 
