@@ -67,33 +67,7 @@ def clutch(length, mass, time):
           ("[[event]]", f'name = "{name}"', 'watch = "/joints/axle/angle"', f"value = {angle}", f'change = "{change} clutch"')]]) + "\n"
 
 
-def row_of_pendulums(length):
-    """Fourteen pendulums one on another, held by torsion springs whose frequency is 225 times that of a swing."""
-    swing = math.sqrt(length/9.81)
-    lines = ["[scene]", 'model = "mechanism"', "planar = true", "[gravity]", "vector = [0, -9.81]"]
-    for i in range(14):
-        before = f"b{i - 1}" if i else "ground"
-        lines += [f"[body.b{i}]", "mass = 1.0", f"inertia = {length**2/12}", f"position = {numbers([0, -(i + 0.5)*length])}",
-                  f"[joint.j{i}]", 'type = "revolute"', f'bodies = ["{before}", "b{i}"]', f"at = {numbers([0, -i*length])}",
-                  f"[force.s{i}]", 'type = "torsion"', f'joint = "j{i}"', f"stiffness = {0.5*length**2/12*(225/swing)**2}"]
-    return "\n".join([*lines, "[time]", f"end = {0.01*swing}", ""])
-
-
 class Units(Case):
-    def test_kinds_of_charts(self):
-        """Forces are stiff beside the motion of the mechanism, not beside a second, in the first run of a model as in the next."""
-        for length in (1.0, 1e-3, 1e-6, 1e3):
-            path = self.folder / "row.toml"
-            path.write_text(row_of_pendulums(length))
-            for profile in ([], ["--profile"]):
-                with self.subTest([length, *profile]):
-                    report = self.tandem("run", "row.toml", "--set", "solver.stepper=radau5", "--force", "--no-error", *profile).stdout
-                    self.assertIn("dense chart every_step", report)
-                    soft = [word for i in range(14) for word in ("--set", f"force.s{i}.stiffness=0")]
-                    report = self.tandem("run", "row.toml", "--set", "solver.stepper=radau5", *soft, "--force", "--no-error",
-                                         *profile).stdout
-                    self.assertIn("sparse chart every_step", report)
-
     def one(self, *arguments):
         done = self.tandem(*arguments, "--json")
         return json.loads(done.stdout)
