@@ -88,8 +88,10 @@ static int read_object(hid_t place, const char *name, int depth, struct contents
 
     found->object = name;
     found->depth = depth;
-    if (depth == 1)
-        found->in_report = strcmp(name, "report") == 0, found->in_events = strcmp(name, "events") == 0;
+    if (depth == 1) {
+        found->in_report = strcmp(name, "report") == 0;
+        found->in_events = strcmp(name, "events") == 0;
+    }
     if (depth <= 2)
         found->in_singular = depth == 2 && found->in_events && strcmp(name, "singular") == 0;
     stat = object < 0 || H5Aiterate2(object, H5_INDEX_NAME, H5_ITER_INC, NULL, read_attribute, found) < 0 ? -1 : 0;
