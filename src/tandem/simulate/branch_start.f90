@@ -120,12 +120,11 @@ contains
             a = 0.0_wp
             trial%qdd(:) = 0.0_wp
             do pass = 1, most_passes
-                call crossing%curve%begin(size(q), t)
-                call crossing%curve%add_power(q)
+                call crossing%curve%begin(t, q)
                 call crossing%curve%add_power(qd)
                 if (pass > 1) then
                     do m = 0, n_nodes - 1
-                        call crossing%curve%add_power(matmul(a, lagrange(m, :))/((m + 1)*(m + 2)*h**m))
+                        call crossing%curve%add_power(matmul(a, lagrange(m, :))/((m + 1)*h**m))
                     end do
                 end if
                 off = 0.0_wp

@@ -67,13 +67,13 @@ contains
         integer :: i
 
         associate (crossing => self%crossing, recent => self%crossing%recent)
-            call crossing%curve%begin(self%model%n, self%state%t)
             last = huge(1.0_wp)
             n_nodes = 0
             do i = first, recent%n
                 if (last - recent%t(i) < gap) cycle
                 call recent%get(i, crossing%values)
-                call crossing%curve%add_state(recent%t(i), crossing%values)
+                if (n_nodes == 0) call crossing%curve%begin(recent%t(i), crossing%values(:, 1))
+                call crossing%curve%add_state(recent%t(i), crossing%values(:, 2), crossing%values(:, 3))
                 last = recent%t(i)
                 n_nodes = n_nodes + 1
                 if (n_nodes == most_nodes) exit
@@ -150,13 +150,13 @@ contains
         integer, intent(out) :: base
         !> True if no more distant state gives a smaller error, so that a nearer one may give a smaller one.
         logical, intent(out) :: is_nearest
-        integer, parameter :: most_tries = 5
+        integer, parameter :: most_tries = 8
         !> A state that is not that much further away is left out; beyond this part of the best independence errors of states are
         !> negligible, and the nearest state is the best.
-        real(wp), parameter :: further = 1.9_wp, far = 0.05_wp
+        real(wp), parameter :: further = 1.9_wp, far = 0.5_wp
         !> Times between states, relative to half the time from the base to the end. States further apart magnify their errors less,
         !> states close together leave a smaller error of the polynomial.
-        real(wp), parameter :: gaps(3) = [8.0_wp, 3.0_wp, 0.7_wp]
+        real(wp), parameter :: gaps(4) = [8.0_wp, 3.0_wp, 1.5_wp, 0.7_wp]
         real(wp) :: error, least_error, gap, last_distance, part
         integer :: i, k, n_nodes, n_tries
         logical :: is_last
@@ -180,7 +180,6 @@ contains
                 end associate
                 n_tries = n_tries + 1
                 do k = 1, size(gaps)
-                    if (k == size(gaps) .and. n_nodes > 2) exit
                     call extrapolate(self, i, gaps(k), stop_at, n_nodes, error)
                     is_last = error < least_error
                     if (is_last) then
@@ -195,20 +194,23 @@ contains
         if (base > 0 .and. .not. is_last) call extrapolate(self, base, gap, stop_at, n_nodes, error)
     end subroutine choose_base
 
-    !> Compare the error with those of earlier tries: nearer states have not reduced it if they do not any more.
+    !> Compare the error with those of earlier tries. Close to the configuration, nearer states that have not reduced it will not
+    !> reduce it any more.
     subroutine compare(self, is_falling)
         class(simulation_type), intent(inout) :: self
         !> True if the error falls with the distance.
         logical, intent(inout) :: is_falling
-        !> Usual part of the error at half the distance; part of the distance by which a time may be off.
-        real(wp), parameter :: falls = 0.3_wp, off = 0.1_wp
+        !> Part of the error that is a reduction; part of the distance by which a time may be off; part of the best independence
+        !> below which errors of states matter.
+        real(wp), parameter :: falls = 0.9_wp, off = 0.1_wp, close = 0.05_wp
 
         associate (crossing => self%crossing, record => self%crossing%record)
             if (abs(crossing%tried_for - record%t) > off*(record%t - self%state%t)) then
                 crossing%tried_error = huge(1.0_wp)
                 crossing%tried_for = record%t
             end if
-            is_falling = is_falling .and. record%error < falls*crossing%tried_error
+            is_falling = (is_falling .and. record%error < falls*crossing%tried_error) .or. &
+                crossing%rate*(record%t - crossing%recent%t(1)) > close*self%chart%best_independence
             crossing%tried_error = min(crossing%tried_error, record%error)
         end associate
     end subroutine compare
@@ -267,13 +269,16 @@ contains
     end subroutine choose_end
 
     !> The state behind the configuration: the polynomial, projected onto the constraints, and corrected by the accelerations there.
-    !> The correction, and the way back to the base from the state found, give the error.
+    !> The correction, and the way back to the base from the state found, give the error. Near the configuration states are
+    !> uncertain in the direction in which its branches separate. The projection removes this part of the error, up to the angle by
+    !> which the direction turns, about the part of the independence at the base.
     subroutine correct(self, base, gap, error)
         class(simulation_type), intent(inout) :: self
         integer, intent(in) :: base
         !> Least time between states.
         real(wp), intent(in) :: gap
         real(wp), intent(inout) :: error
+        real(wp) :: forwards
         integer :: i, pass, stat
         logical :: is_back
 
@@ -284,6 +289,8 @@ contains
             call state%copy(predicted)
             do pass = 1, 2
                 if (pass == 2) then
+                    state%dq(:) = state%q
+                    state%dqd(:) = state%qd
                     call crossing%curve%add_acceleration(state%t, state%qdd)
                     call crossing%curve%evaluate(state%t, state%q, state%qd, state%qdd)
                 end if
@@ -295,19 +302,43 @@ contains
                 end if
             end do
             do i = 1, size(state%q)
-                state%dq(i) = state%q(i) - predicted%q(i)
-                state%dqd(i) = state%qd(i) - predicted%qd(i)
+                state%dq(i) = state%q(i) - state%dq(i)
+                state%dqd(i) = state%qd(i) - state%dqd(i)
+                predicted%dq(i) = state%q(i) - predicted%q(i)
+                predicted%dqd(i) = state%qd(i) - predicted%qd(i)
             end do
-            error = self%local_error%largest_part(state, state%dq, state%dqd)
+            crossing%spread = 0.0_wp
+            crossing%apart = 0.0_wp
+            call note_spread(self)
+            forwards = self%local_error%largest_part(state, state%dq, state%dqd)
             call go_back(self, base, gap, is_back)
             if (.not. is_back) return
-            error = max(error, self%local_error%largest_part(state, predicted%dq, predicted%dqd))
+            call note_spread(self)
+            predicted%q(:) = state%q + predicted%dq
+            predicted%qd(:) = state%qd + predicted%dqd
+            call self%chart%project(state%t, predicted%q, predicted%qd, .true., stat)
+            if (stat /= status_ok) return
+            predicted%dq(:) = predicted%q - state%q
+            predicted%dqd(:) = predicted%qd - state%qd
+            error = max(forwards, self%local_error%largest_part(state, predicted%dq, predicted%dqd), crossing%spread* &
+                crossing%rate*(crossing%record%t - crossing%recent%t(base))/self%chart%best_independence)
             do i = 1, size(state%q)
                 if (abs(predicted%dq(i)) > abs(state%dq(i))) state%dq(i) = predicted%dq(i)
                 if (abs(predicted%dqd(i)) > abs(state%dqd(i))) state%dqd(i) = predicted%dqd(i)
             end do
         end associate
     end subroutine correct
+
+    !> Note a difference between two states in all directions, in `predicted`.
+    subroutine note_spread(self)
+        class(simulation_type), intent(inout) :: self
+
+        associate (crossing => self%crossing, there => self%crossing%predicted)
+            crossing%spread = max(crossing%spread, self%local_error%largest_part(crossing%trial, there%dq, there%dqd))
+            crossing%apart(1) = max(crossing%apart(1), self%model%largest_on_scales(there%dq))
+            crossing%apart(2) = max(crossing%apart(2), self%model%largest_on_scales(there%dqd))
+        end associate
+    end subroutine note_spread
 
     !> The way back: the polynomial through the state behind the configuration and through the states before the base, at the base.
     subroutine go_back(self, base, gap, is_back)
@@ -319,17 +350,14 @@ contains
         integer :: i, n_nodes
 
         associate (crossing => self%crossing, recent => self%crossing%recent, state => self%crossing%trial)
-            call crossing%back%begin(self%model%n, self%state%t)
-            crossing%values(:, 1) = state%q
-            crossing%values(:, 2) = state%qd
-            crossing%values(:, 3) = state%qdd
-            call crossing%back%add_state(state%t, crossing%values)
+            call crossing%back%begin(state%t, state%q)
+            call crossing%back%add_state(state%t, state%qd, state%qdd)
             n_nodes = 1
             last = recent%t(base)
             do i = base + 1, recent%n
                 if (last - recent%t(i) < gap) cycle
                 call recent%get(i, crossing%values)
-                call crossing%back%add_state(recent%t(i), crossing%values)
+                call crossing%back%add_state(recent%t(i), crossing%values(:, 2), crossing%values(:, 3))
                 last = recent%t(i)
                 n_nodes = n_nodes + 1
                 if (n_nodes == most_nodes) exit
@@ -361,9 +389,10 @@ contains
         associate (crossing => self%crossing, state => self%crossing%trial, record => self%crossing%record)
             norm = 0.0_wp
             if (self%options%is_adaptive()) then
-                ! The next state would be too near.
+                ! The next state would be too near, or errors of states make steps short.
                 is_last_chance = is_limited .or. crossing%rate*(record%t - self%state%t) < &
-                    4*least_part*self%chart%best_independence
+                    4*least_part*self%chart%best_independence .or. &
+                    crossing%has_short_steps(self%control%h, record%t - self%state%t)
                 call self%control%set_weights(self%state%q, state%q, self%state%qd, state%qd)
                 do i = 1, size(state%q)
                     norm = max(norm, abs(state%dq(i))*self%control%weight_q(i), abs(state%dqd(i))*self%control%weight_qd(i))
@@ -374,13 +403,13 @@ contains
             if (self%model%hides(self%state%t, state%t, .true.)) return
             crossing%obstacle = 'the extrapolated motion is uncertain by '//to_text(record%error)
             if (is_last_chance .and. record%error <= sure_error) norm = 0.0_wp
-            if (.not. (norm <= 1.0_wp .and. record%error <= largest_error)) return
+            if (.not. (norm <= 1.0_wp .and. crossing%spread <= largest_error)) return
             call crossing%curve%evaluate(record%t, crossing%predicted%q, crossing%predicted%qd, crossing%predicted%qdd)
             crossing%predicted%q(:) = state%q - crossing%predicted%q
             moved = self%model%largest_on_scales(crossing%predicted%q)
             crossing%obstacle = 'the velocity through it is too small to tell branches apart'
-            if (.not. (self%model%largest_on_scales(state%dq) <= clear_part*moved .and. &
-                self%model%largest_on_scales(state%dqd) <= clear_part*self%model%largest_on_scales(state%qd))) return
+            if (.not. (crossing%apart(1) <= clear_part*moved .and. &
+                crossing%apart(2) <= clear_part*self%model%largest_on_scales(state%qd))) return
             crossing%obstacle = 'the constraints do not regain their rank behind it'
             call self%chart%measure(need_independence, self%state%t, self%state%q, state%t, state%q, state%qd, measure, stat)
             if (stat /= status_ok .or. .not. measure%independence > 0.2_wp*crossing%rate*(state%t - record%t)) return
@@ -415,7 +444,7 @@ contains
                 there%dq(:) = there%q - there%dq
                 there%dqd(:) = 0.0_wp
                 distance = self%local_error%largest_part(crossing%trial, there%dq, there%dqd)
-                stays_near = distance <= crossing%record%error + rounding .and. distance <= grows*min(last_distance, 1.0_wp) + &
+                stays_near = distance <= crossing%spread + rounding .and. distance <= grows*min(last_distance, 1.0_wp) + &
                     rounding*(1.0_wp + self%model%largest_on_scales(there%q))
                 if (.not. stays_near) return
                 last_distance = distance

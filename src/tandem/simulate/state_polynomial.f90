@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> The polynomial through coordinates, velocities and accelerations of some states (Hermite), in Newton's form. It continues a
-!> smooth motion beyond these states.
+!> The polynomial through velocities and accelerations of some states (Hermite), in Newton's form, and its integral from the
+!> coordinates of one state. It continues a smooth motion beyond these states. Only one state gives coordinates: after many turns of
+!> a body, rounding of its angle would otherwise be extrapolated too.
 module tandem_simulate_state_polynomial
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -10,57 +11,63 @@ module tandem_simulate_state_polynomial
     public :: state_polynomial_type, most_nodes
 
     !> Largest number of states, and number of conditions at each.
-    integer, parameter :: most_nodes = 4, conditions = 3
+    integer, parameter :: most_nodes = 6, conditions = 2
+    !> Gauss's quadrature for the interval [0, 1], exact for polynomials of degree 13.
+    real(wp), parameter :: nodes(7) = [0.02544604382862073774_wp, 0.12923440720030278007_wp, 0.29707742431130141655_wp, 0.5_wp, &
+        0.70292257568869858345_wp, 0.87076559279969721993_wp, 0.97455395617137926226_wp]
+    real(wp), parameter :: weights(7) = [0.06474248308443484664_wp, 0.13985269574463833395_wp, 0.19091502525255947248_wp, &
+        0.20897959183673469388_wp, 0.19091502525255947248_wp, 0.13985269574463833395_wp, 0.06474248308443484664_wp]
 
     type :: state_polynomial_type
-        !> Number of terms. Term k is c(:, k) times the product of x - zeros(i), i < k, with the time x since t0.
+        !> Number of terms. Term k of the velocities is c(:, k) times the product of x - zeros(i), i < k, with the time x since t0.
         integer, private :: n_terms = 0
         real(wp), private :: t0 = 0.0_wp
+        !> Coordinates at t0 (n).
+        real(wp), allocatable, private :: q0(:)
         real(wp), allocatable, private :: zeros(:), c(:, :)
-        !> Work space (n, 3).
-        real(wp), allocatable, private :: values(:, :)
+        !> Work space (n) each.
+        real(wp), allocatable, private :: qd(:), qdd(:)
     contains
         procedure :: begin, add_state, add_acceleration, add_power, evaluate, pack_state
     end type state_polynomial_type
 
 contains
 
-    !> Begin without states.
-    pure subroutine begin(self, n, t0)
+    !> Begin with coordinates at a time, without velocities.
+    pure subroutine begin(self, t0, q0)
         class(state_polynomial_type), intent(inout) :: self
-        !> Number of coordinates.
-        integer, intent(in) :: n
         !> A time near the states and the arguments.
         real(wp), intent(in) :: t0
+        !> (n).
+        real(wp), intent(in) :: q0(:)
 
         if (.not. allocated(self%c)) then
-            allocate (self%c(n, conditions*most_nodes + 1), self%values(n, conditions), source=0.0_wp)
-            allocate (self%zeros(conditions*most_nodes + 1), source=0.0_wp)
+            allocate (self%c(size(q0), conditions*most_nodes + 1), self%zeros(conditions*most_nodes + 1), source=0.0_wp)
+            allocate (self%q0(size(q0)), self%qd(size(q0)), self%qdd(size(q0)), source=0.0_wp)
         end if
         self%t0 = t0
+        self%q0(:) = q0
         self%n_terms = 0
     end subroutine begin
 
-    !> Let the polynomial also pass through a state. Each condition determines one more term, which does not affect earlier ones.
-    pure subroutine add_state(self, t, values)
+    !> Let the polynomial also have the velocities and accelerations of a state (n). Each condition determines one more term, which
+    !> does not affect earlier ones.
+    pure subroutine add_state(self, t, qd, qdd)
         class(state_polynomial_type), intent(inout) :: self
         real(wp), intent(in) :: t
-        !> Coordinates, velocities and accelerations (n, 3).
-        real(wp), intent(in) :: values(:, :)
-        !> Factorials.
-        real(wp), parameter :: factor(conditions) = [1.0_wp, 1.0_wp, 2.0_wp]
-        real(wp) :: product(conditions)
-        integer :: i, k
+        real(wp), intent(in), contiguous :: qd(:), qdd(:)
+        real(wp) :: x, product(conditions)
+        integer :: i
 
-        call find_product(self, t - self%t0, product)
-        do k = 1, conditions
-            call self%evaluate(t, self%values(:, 1), self%values(:, 2), self%values(:, 3))
-            self%n_terms = self%n_terms + 1
-            self%zeros(self%n_terms) = t - self%t0
-            do i = 1, size(self%c, 1)
-                self%c(i, self%n_terms) = (values(i, k) - self%values(i, k))/(factor(k)*product(1))
-            end do
+        x = t - self%t0
+        call find_product(self, x, product)
+        call find_rates(self, x, self%qd, self%qdd)
+        self%n_terms = self%n_terms + 1
+        self%zeros(self%n_terms) = x
+        do i = 1, size(qd)
+            self%c(i, self%n_terms) = (qd(i) - self%qd(i))/product(1)
         end do
+        call self%add_acceleration(t, qdd)
     end subroutine add_state
 
     !> Let the polynomial also have given accelerations at a time, by a last term.
@@ -68,19 +75,20 @@ contains
         class(state_polynomial_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: qdd(:)
-        real(wp) :: product(conditions)
+        real(wp) :: x, product(conditions)
         integer :: i
 
-        call self%evaluate(t, self%values(:, 1), self%values(:, 2), self%values(:, 3))
-        call find_product(self, t - self%t0, product)
+        x = t - self%t0
+        call find_rates(self, x, self%qd, self%qdd)
+        call find_product(self, x, product)
         self%n_terms = self%n_terms + 1
-        self%zeros(self%n_terms) = t - self%t0
+        self%zeros(self%n_terms) = x
         do i = 1, size(qdd)
-            self%c(i, self%n_terms) = (qdd(i) - self%values(i, 3))/product(3)
+            self%c(i, self%n_terms) = (qdd(i) - self%qdd(i))/product(2)
         end do
     end subroutine add_acceleration
 
-    !> Add the next power of the time since t0, if the terms so far are powers.
+    !> Add the next power of the time since t0 to the velocities, if the terms so far are powers.
     pure subroutine add_power(self, coefficients)
         class(state_polynomial_type), intent(inout) :: self
         !> (n).
@@ -91,41 +99,57 @@ contains
         self%c(:, self%n_terms) = coefficients
     end subroutine add_power
 
-    !> The product of all factors x - zeros, with its first and second derivative.
+    !> The product of all factors x - zeros, and its derivative.
     pure subroutine find_product(self, x, product)
         type(state_polynomial_type), intent(in) :: self
         real(wp), intent(in) :: x
         real(wp), intent(out) :: product(conditions)
         integer :: k
 
-        product = [1.0_wp, 0.0_wp, 0.0_wp]
+        product = [1.0_wp, 0.0_wp]
         do k = 1, self%n_terms
-            product(3) = product(3)*(x - self%zeros(k)) + 2*product(2)
             product(2) = product(2)*(x - self%zeros(k)) + product(1)
             product(1) = product(1)*(x - self%zeros(k))
         end do
     end subroutine find_product
 
-    !> The polynomial and its derivatives at a time.
-    pure subroutine evaluate(self, t, q, qd, qdd)
-        class(state_polynomial_type), intent(in) :: self
-        real(wp), intent(in) :: t
+    !> Velocities and accelerations at a time since t0.
+    pure subroutine find_rates(self, x, qd, qdd)
+        type(state_polynomial_type), intent(in) :: self
+        real(wp), intent(in) :: x
         !> (n) each.
-        real(wp), intent(out), contiguous :: q(:), qd(:), qdd(:)
-        real(wp) :: x
+        real(wp), intent(out), contiguous :: qd(:), qdd(:)
         integer :: i, k
 
-        q(:) = 0.0_wp
         qd(:) = 0.0_wp
         qdd(:) = 0.0_wp
         do k = self%n_terms, 1, -1
-            x = (t - self%t0) - self%zeros(k)
-            do i = 1, size(q)
-                qdd(i) = qdd(i)*x + 2*qd(i)
-                qd(i) = qd(i)*x + q(i)
-                q(i) = q(i)*x + self%c(i, k)
+            do i = 1, size(qd)
+                qdd(i) = qdd(i)*(x - self%zeros(k)) + qd(i)
+                qd(i) = qd(i)*(x - self%zeros(k)) + self%c(i, k)
             end do
         end do
+    end subroutine find_rates
+
+    !> Coordinates, velocities and accelerations at a time.
+    pure subroutine evaluate(self, t, q, qd, qdd)
+        class(state_polynomial_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> (n) each.
+        real(wp), intent(out), contiguous :: q(:), qd(:), qdd(:)
+        integer :: i, k
+
+        q(:) = 0.0_wp
+        do k = 1, size(nodes)
+            call find_rates(self, nodes(k)*(t - self%t0), qd, qdd)
+            do i = 1, size(q)
+                q(i) = q(i) + weights(k)*qd(i)
+            end do
+        end do
+        do i = 1, size(q)
+            q(i) = self%q0(i) + (t - self%t0)*q(i)
+        end do
+        call find_rates(self, t - self%t0, qd, qdd)
     end subroutine evaluate
 
     !> All components.
@@ -135,6 +159,7 @@ contains
 
         call pack%item(self%n_terms)
         call pack%item(self%t0)
+        call pack%item(self%q0)
         call pack%item(self%zeros)
         call pack%item(self%c)
     end subroutine pack_state

@@ -510,6 +510,7 @@ contains
         if (allocated(error)) return
         is_close = self%lost_rank%comes_close(room)
         if (.not. is_close) is_close = self%lost_rank%limits(self%control%h, room)
+        if (.not. is_close) is_close = self%crossing%is_due(self%state%t, self%control%h, room)
         if (is_close) then
             call self%consider_crossing(2*room, stop_at, is_loss, is_crossed)
             if (is_crossed) return

@@ -30,6 +30,7 @@ contains
 
         testsuite = [ &
             new_unittest('a-parallelogram-turns-like-a-pendulum', test_parallelogram), &
+            new_unittest('many-turns-cost-no-accuracy', test_many_turns), &
             new_unittest('a-row-of-four-bars-turns-like-a-pendulum', test_row), &
             new_unittest('a-slider-crank-passes-its-pivot', test_slider), &
             new_unittest('an-antiparallelogram-stays-one', test_antiparallelogram), &
@@ -145,6 +146,32 @@ contains
             end do
         end do
     end subroutine test_parallelogram
+
+    !> After a thousand turns, angles have rounding errors of 1e-12. Without forces, cranks go on to turn uniformly, twenty more times.
+    subroutine test_many_turns(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: start = 6283.0_wp, rate = 8.0_wp, t_end = 16.0_wp
+        type(four_bar_type), target :: model
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+        real(wp) :: q(9), qd(9)
+
+        model%length = 1.0_wp
+        model%g = 0.0_wp
+        call model%define()
+        call model%start(start, rate, q, qd)
+        options = choose(stepper='dop853')
+        call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
+        call run(simulation, model, options, 0.0_wp, q, qd, t_end, failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call check_true(error, simulation%n_crossings >= 40, 'crossings are recorded')
+        if (allocated(error)) return
+        call check_close(error, simulation%state%q(3:3), [start + rate*t_end], 1.0e-8_wp, 'angle at the end')
+        if (allocated(error)) return
+        call check_below(error, maxval(simulation%crossings(:simulation%n_crossings)%error), 1.0e-8_wp, 'estimated errors')
+    end subroutine test_many_turns
 
     !> The benchmark of the IFToMM over 10 s, with both charts: ten crossings, in which n ranks are lost at once.
     subroutine test_row(error)
