@@ -43,7 +43,7 @@ class Result:
     coordinates; `result["rod.x"]` is the series of that name. `sensors["tip"]["position"]`, `diagnostics["step"]` and
     `groups["joints"]["pin"]["force"]` (the content of /bodies, /joints, /wheels, /constraints, /forces and /balance) are `Series`;
     `events`; `singular` configurations that were passed, their `time` and `error`; `report`, `scene` and `scene_text`, `status`,
-    `message`; `path` of its file.
+    `message`; `path` of its file; of a mechanism, `drawing`: the datasets of /drawing.
     """
 
     time: np.ndarray
@@ -65,6 +65,7 @@ class Result:
     status: str = ""
     message: str = ""
     path: str = ""
+    drawing: dict[str, Any] = field(default_factory=dict)
 
     @property
     def t(self) -> np.ndarray:
@@ -203,6 +204,7 @@ def read_groups(path: str | Path, file, every: int = 1) -> Result:
         status=text(file.attrs.get("status", "")), message=text(file.attrs.get("status_message", "")), path=str(path))
     if "lambda" in trajectory:
         found.constraints = [text(name) for name in trajectory["lambda"].attrs.get("names", ())]
+    found.drawing = drawing_in(file)
     found.sensors = {name: group(f"sensors/{name}") for name in file.get("sensors", {})}
     for kind in KINDS:
         if kind in file:
@@ -218,6 +220,11 @@ def read_groups(path: str | Path, file, every: int = 1) -> Result:
         if "name" in found.events:
             found.events["name"] = np.array([text(name) for name in found.events["name"]])
     return found
+
+
+def drawing_in(file) -> dict[str, Any]:
+    """The group /drawing of a file: arrays of numbers, and lists of texts."""
+    return {name: data[:] if data.dtype.kind == "f" else [text(one) for one in data[:]] for name, data in file.get("drawing", {}).items()}
 
 
 def is_series(data) -> bool:
