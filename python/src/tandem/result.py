@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import contextlib
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -44,6 +45,7 @@ class Result:
     `groups["joints"]["pin"]["force"]` (the content of /bodies, /joints, /wheels, /constraints, /forces and /balance) are `Series`;
     `events`; `singular` configurations that were passed, their `time` and `error`; `report`, `scene` and `scene_text`, `status`,
     `message`; `path` of its file; of a mechanism, `drawing`: the datasets of /drawing.
+    `plot()` and `view()` draw the motion.
     """
 
     time: np.ndarray
@@ -66,6 +68,9 @@ class Result:
     message: str = ""
     path: str = ""
     drawing: dict[str, Any] = field(default_factory=dict)
+    #: A plot and an animation of the motion: `tandem.plot.overview` and `tandem.view`, bound by `tandem.show`.
+    plot: ClassVar[Callable[..., Any]]
+    view: ClassVar[Callable[..., Any]]
 
     @property
     def t(self) -> np.ndarray:
@@ -112,23 +117,6 @@ class Result:
             dimensions = ("time", *([f"axis{one.values.shape[1]}"] if one.values.ndim > 1 else []))
             made[name] = (dimensions, one.values, {"units": one.unit, "meaning": one.meaning})
         return xarray.Dataset(made, coords={"time": ("time", self.time, {"units": "s"})}, attrs={"status": self.status})
-
-    def plot(self, *arguments: Any, **options: Any):
-        """A plot of the motion, see `tandem.plot`."""
-        from .plot import overview
-
-        return overview(self, *arguments, **options)
-
-    def view(self, path: str | Path | None = None, **options: Any):
-        """An animation of the motion, see `tandem.view`."""
-        from .viewer import view
-
-        return view(self, path, **options)
-
-    def _repr_html_(self) -> str:
-        from .show import result_html
-
-        return result_html(self)
 
     def __repr__(self) -> str:
         until = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if self.time.size else "no rows"
