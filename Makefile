@@ -53,7 +53,8 @@ sanitize: ## detect memory errors and undefined behaviour by sanitizers and valg
 
 coverage: ## line coverage of src/ by the tests; uncovered lines are in build/coverage/coverage.txt
 	@tools/setup.sh test
-	@tools/coverage.py
+	@tools/setup.sh coverage
+	@tools/coverage.sh
 
 plots: optimised ## repeat the measurements of README and doc/, and update figures and tables (some minutes)
 	@tools/setup.sh plot

@@ -16,6 +16,7 @@ module tandem
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_census, only: census_type, element_count_type, take_census
     use tandem_mechanism_expression, only: check_name, expression_type, parse_expression
+    use tandem_mechanism_drawing, only: drawing_type, take_drawing
     use tandem_mechanism_description, only: build_mechanism, mechanism_kinds, mechanism_singles
     use tandem_mechanism_entries, only: atom_type, entries_type, entry_type, is_number, is_other, is_text, is_truth, value_type
     use tandem_mechanism_key_reader, only: anything, fault_type, not_negative, positive, reader_type
@@ -101,7 +102,7 @@ module tandem
     public :: expression_type, parse_expression, check_name, resolve_parameters, table_type, table_kinds, table_ends
     public :: entries_type, entry_type, value_type, atom_type, is_number, is_text, is_truth, is_other, build_mechanism, shown_type
     public :: reader_type, fault_type, anything, positive, not_negative
-    public :: mechanism_kinds, mechanism_singles, census_type, element_count_type, take_census
+    public :: drawing_type, take_drawing, mechanism_kinds, mechanism_singles, census_type, element_count_type, take_census
     public :: mechanism_type, plane_type, friction_law_type
     public :: function_type, constant_type, polynomial_type, sine_type, ramp, expression_function, table_function, &
         law_type, expression_law, table_law

@@ -5,6 +5,7 @@
 #
 # Usage: tools/setup.sh         requirements of `fpm build`
 #        tools/setup.sh test    and of tools/verify.py
+#        tools/setup.sh coverage  and of tools/coverage.sh
 #        tools/setup.sh docs    and of `make docs`
 #        tools/setup.sh plot    and of tools/plot.py
 #        tools/setup.sh bench   and of bench/

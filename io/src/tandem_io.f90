@@ -4,6 +4,7 @@ module tandem_io
     use tandem_io_json, only: json_type
     use tandem_io_output_checkpoint, only: read_snapshot, snapshot_type
     use tandem_io_output_checksums, only: finding_type
+    use tandem_io_output_drawing, only: write_drawing
     use tandem_io_output_fields, only: default_fields, field_names, output_type
     use tandem_io_output_linearisation, only: write_linearisation, write_nearest
     use tandem_io_output_modes, only: body_motions
@@ -49,7 +50,7 @@ module tandem_io
     public :: is_same_file
     public :: output_type, trajectory_type, energy_type, observer_list_type, field_names, default_fields
     public :: journal_type, table_type, column_type, count_column, real_column, brief
-    public :: write_linearisation, write_nearest, body_motions, check_target
+    public :: write_drawing, write_linearisation, write_nearest, body_motions, check_target
     public :: modes_type, locus_point_type, critical_type, at_zero, at_pair, at_meeting, crossing_name
     public :: paper_type, paper_columns
     public :: precision_type, precision_columns, reference_type, make_reference, prepare_scene, read_reference, &

@@ -79,10 +79,9 @@ class Drawn(unittest.TestCase):
         solution.plot()
         page = solution.view()
         self.assertIn("slider", page.text)
-        from tandem.plot.data import motion_of
-        from tandem.viewer.draw import draw
+        from tandem.viewer import drawing_of
 
-        self.assertTrue(all(body.pieces for body in draw(motion_of(solution)).bodies))
+        self.assertTrue(all(body.pieces for body in drawing_of(solution).bodies))
 
     def test_step_by_step_and_checkpoint(self):
         run = scene("slider_crank").simulation(stepper="dop853", rtol=1e-9)

@@ -239,13 +239,21 @@ class Files(unittest.TestCase):
         with self.assertRaisesRegex(ValueError, "every is 0"):
             tandem.read(path, every=0)
 
-    def test_a_scene_that_is_not_understood(self):
-        """Bodies are drawn nevertheless, and the page gives the reason why their shapes are missing."""
+    def test_a_file_of_an_earlier_version(self):
+        """A mechanism without /drawing has no shapes: the message states the remedy."""
         result = tandem.Mechanism.from_toml(NASTY).run(error=False)
-        result.scene["force"]["coil"]["between"] = ["nobody.nowhere", "_rod"]
-        drawing = draw(result)
-        self.assertEqual({body.name for body in drawing.bodies}, {"<b>$r_{$</b>", "_rod"})
-        self.assertIn("which are unknown", drawing.about)
+        result.drawing.clear()
+        with self.assertRaisesRegex(ValueError, "no /drawing.*run its scene again"):
+            draw(result)
+
+    def test_elements_of_a_later_version(self):
+        """Elements of unknown tables are not drawn."""
+        result = tandem.Mechanism.from_toml(NASTY).run(error=False)
+        pieces = [len(body.pieces) for body in draw(result).bodies]
+        result.drawing["kind"].append("field magnet")
+        result.drawing["name"].append("north")
+        result.drawing["elements"] = np.concatenate([result.drawing["elements"], np.zeros((1, 10))])
+        self.assertEqual([len(body.pieces) for body in draw(result).bodies], pieces)
 
 
 class Uses(unittest.TestCase):

@@ -13,7 +13,6 @@ import h5py
 import numpy as np
 import tandem
 from models import ROOT, START, Pendulum
-from tandem.viewer.expressions import Numbers, evaluate, written_out
 
 SCENES = sorted(path.stem for path in (ROOT / "scenes").glob("*.toml"))
 
@@ -190,29 +189,6 @@ class Mechanisms(unittest.TestCase):
         code = "import tandem\ntry:\n    tandem.run_scene('rolling_disk')\nexcept tandem.ProgramError as error:\n    print(error)"
         done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
         self.assertIn("make python", done.stdout, done.stderr)
-
-
-class Expressions(unittest.TestCase):
-    """Numbers of scenes, which pictures evaluate, against what the program makes of them."""
-
-    def test_values(self):
-        known = {"l": 0.3, "m": 2.0}
-        for text, value in {"2*l": 0.6, "-2^2": -4, "2^3^2": 512, "2^-1": 0.5, "l/2 + m": 2.15, "sqrt(m)*sin(pi/6)": 2**0.5/2,
-                            "atan2(1, -1)": 3*np.pi/4, "smooth_step(0.5)": 0.5, "smooth_step(3, 2, 4)": 0.5, "step(0)": 1, "sign(-3)": -1,
-                            "ramp(-1) + max(1, m, 3)": 3, "1e-3*.5": 5e-4}.items():
-            self.assertAlmostEqual(evaluate(text, known), value, delta=1e-14, msg=text)
-        for text in ("x", "1/0", "__import__('os')", "l.real", "(-1)^0.5", "[1]", "'a'", "", "lambda: 1", "9**9**9**9"):
-            with self.subTest(text), self.assertRaises(ValueError):
-                evaluate(text, known)
-
-    def test_repetition(self):
-        scene = tomllib.loads((ROOT / "scenes" / "a02_four_bars.toml").read_text())
-        found = written_out(scene, Numbers(scene["parameters"]))
-        self.assertEqual(sorted(found["body"]), ["coupler1", "coupler2", "upright1", "upright2", "upright3"])
-        numbers = Numbers(scene["parameters"])
-        self.assertEqual(numbers.list(found["body"]["coupler2"]["position"]), [1.5, 1.0])
-        self.assertEqual(found["joint"]["right2"]["bodies"], ["coupler2", "upright3"])
-        self.assertEqual(found["joint"]["right2"]["at"], "upright3.top")
 
 
 if __name__ == "__main__":

@@ -53,7 +53,8 @@ def chain(n, seconds=10.0):
     scene = {"scene": {"name": "chain", "model": "mechanism", "planar": True}, "gravity": {"vector": [0, -9.81]},
              "body": {f"link{i}": {"mass": 1.0, "inertia": 0.001, "position": [0, -0.1*i - 0.05], "angle": "-pi/2",
                                    "points": {"end": [0.05, 0], "begin": [-0.05, 0]}} for i in range(n)}}
-    return tandem.Result(time, names, ["m", "m", "rad"]*n, q, rates, scene=scene)
+    drawing = tandem.Mechanism({**scene, "time": {"end": 1.0}}).drawing()
+    return tandem.Result(time, names, ["m", "m", "rad"]*n, q, rates, scene=scene, drawing=drawing)
 
 
 class Browser(unittest.TestCase):

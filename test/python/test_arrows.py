@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: MIT
-"""tools/arrows.py: which folder uses which, whether two use each other, and whether CONTRIBUTING.md shows it."""
+"""tools/arrows.py: which folder uses which, whether two use each other, and whether CONTRIBUTING.md shows it; imports of the package for
+Python."""
 
+import ast
+import graphlib
 import sys
 import tempfile
 import unittest
@@ -65,6 +68,35 @@ class Arrows(unittest.TestCase):
 
     def test_the_folders_of_this_project_use_each_other_one_way(self):
         self.assertEqual(arrows.problems(), [])
+
+
+class Package(unittest.TestCase):
+    @staticmethod
+    def imports(root):
+        """Modules that each module of a package imports, also within functions."""
+        modules = {(*path.relative_to(root).parts[:-1], path.stem): path for path in root.rglob("*.py")}
+        used = {}
+        for name, path in modules.items():
+            used[name] = set()
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.ImportFrom) and node.level:
+                    base = (*name[:len(name) - node.level], *(node.module or "").split(".")) if node.module else name[:len(name) - node.level]
+                    for one in node.names:
+                        found = [(*base, one.name), (*base, one.name, "__init__"), base, (*base, "__init__")]
+                        used[name] |= {next((module for module in found if module in modules), name)} - {name}
+        return used
+
+    def test_modules_import_each_other_one_way(self):
+        imports = self.imports(ROOT / "python" / "src" / "tandem")
+        self.assertIn(("plot", "__init__"), imports["show",])
+        tuple(graphlib.TopologicalSorter(imports).static_order())
+
+    def test_a_circle_of_modules_is_refused(self):
+        with tempfile.TemporaryDirectory() as folder:
+            Path(folder, "one.py").write_text("from .two import b\n")
+            Path(folder, "two.py").write_text("def b():\n    from . import one\n")
+            with self.assertRaises(graphlib.CycleError):
+                tuple(graphlib.TopologicalSorter(self.imports(Path(folder))).static_order())
 
 
 if __name__ == "__main__":

@@ -7,7 +7,7 @@ import unittest
 
 import h5py
 import numpy as np
-from test_mechanisms import MECHANISMS, Mechanism
+from test_mechanisms import MECHANISMS, Mechanism, rotation
 from test_output import ROOT
 
 KINDS = ["bodies", "joints", "wheels", "constraints", "forces"]
@@ -29,6 +29,83 @@ def energies(file):
     # Between steps the motion is as accurate as the dense output.
     ends = file["diagnostics/step"][:] > 0
     return np.max(np.abs(balance["residual"][ends])), scale
+
+
+class Drawing(Mechanism):
+    """The geometry in files, which viewers use: parameters, expressions and repetitions are resolved."""
+
+    def elements(self, file):
+        """Kind, name, body, position, axis and sizes of each entry."""
+        drawing = file["drawing"]
+        return [(kind.decode(), name.decode(), int(row[0]), row[1:4], row[4:7], row[7:])
+                for kind, name, row in zip(drawing["kind"], drawing["name"], drawing["elements"], strict=True)]
+
+    def test_sides_of_joints_meet(self):
+        """In the reference configuration both sides of each joint and each axis agree, if the start is not assembled."""
+        count = 0
+        for name in MECHANISMS:
+            if "assemble" in (ROOT / "scenes" / f"{name}.toml").read_text():
+                continue
+            with self.subTest(name):
+                self.tandem("show", name, "--drawing", f"{name}.h5")
+                with h5py.File(self.folder / f"{name}.h5") as file:
+                    bodies, joints = file["drawing/bodies"][:], [one for one in self.elements(file) if one[0].startswith("joint ")]
+                for one, other in zip(joints[::2], joints[1::2], strict=True):
+                    self.assertEqual(one[:2], other[:2])
+                    ends = []
+                    for _, _, body, position, axis, _ in (one, other):
+                        turn, place = (rotation(bodies[body - 1, 10:]), bodies[body - 1, 7:10]) if body else (np.eye(3), np.zeros(3))
+                        ends.append((place + turn @ position, turn @ axis))
+                    self.near(ends[0][1], ends[1][1], 1e-14)
+                    # Lengths are of order 1 m.
+                    if one[0] == "joint revolute":
+                        self.near(ends[0][0], ends[1][0], 1e-9)
+                        count += 1
+        self.assertGreater(count, 20)
+
+    def test_numbers_of_every_kind(self):
+        text = SPACE + '[parameters]\nl = 0.4\n[body.post]\nmass = "5*l"\ninertia = [1, 2, 2, 0.1, 0.2, 0.3]\nposition = ["2*l", 0, 1]\n' \
+            'rotation = [0, 0, "pi/2"]\npoints = { tip = ["l/2", 0, 0.1] }\n[joint.axle]\ntype = "revolute"\nbodies = ["ground", "post"]\n' \
+            'at = [0, 0, 1]\naxis = [1, 0, 0]\n[force.coil]\ntype = "spring"\nbetween = ["ground", "post.tip"]\nstiffness = 1\n' \
+            '[force.motor]\ntype = "torsion"\njoint = "axle"\nstiffness = 1\n[force.push]\ntype = "load"\non = "post:[0, l, 0]"\n' \
+            'force = [1, 0, 0]\n[sensor.pull]\nforce = "coil"\n[sensor.tip]\npoint = "post.tip"\n[repeat.row]\ncount = 2\n' \
+            '[repeat.row.body."ball{i}"]\nshape = { sphere = "i*l" }\ndensity = 1\nposition = ["i", 0, 0]\n[time]\nend = 0.01\n'
+        with self.went(self.scene(text)) as file:
+            found, bodies = self.elements(file), file["drawing/bodies"][:]
+            self.assertEqual([name.decode() for name in file["drawing/body"]], ["post", "ball1", "ball2"])
+            self.near(file["drawing/gravity"][:], [0, 0, -9.81], 1e-15)
+        self.near(bodies[0], [2, 1, 2, 2, 0.1, 0.2, 0.3, 0.8, 0, 1, np.sqrt(0.5), 0, 0, np.sqrt(0.5)], 1e-15)
+        nothing = [0.0]*3
+        wanted = [("shape sphere", "ball1", 2, nothing, nothing, [0.4, 0, 0]), ("shape sphere", "ball2", 3, nothing, nothing, [0.8, 0, 0]),
+                  ("joint revolute", "axle", 0, [0, 0, 1], [1, 0, 0], nothing),
+                  ("joint revolute", "axle", 1, [0, 0.8, 0], [0, -1, 0], nothing),
+                  ("force spring", "coil", 0, nothing, nothing, nothing), ("force spring", "coil", 1, [0.2, 0, 0.1], nothing, nothing),
+                  ("force torsion", "motor", 0, [0, 0, 1], [1, 0, 0], nothing),
+                  ("force torsion", "motor", 1, [0, 0.8, 0], [0, -1, 0], nothing),
+                  ("force load", "push", 1, [0, 0.4, 0], nothing, nothing), ("point", "tip", 1, [0.2, 0, 0.1], nothing, nothing),
+                  ("sensor force coil", "pull", 0, nothing, nothing, nothing),
+                  ("sensor point", "tip", 1, [0.2, 0, 0.1], nothing, nothing)]
+        self.assertEqual([one[:3] for one in found], [one[:3] for one in wanted])
+        for one, other in zip(found, wanted, strict=True):
+            with self.subTest(one[:2]):
+                self.near(np.array(one[3:]), np.array(other[3:]), 1e-15)
+
+    def test_a_plane_that_turns(self):
+        """Values and rates of its angle, also after a later end."""
+        with self.went("turntable", "time.end=0.1") as file:
+            self.assertEqual([name.decode() for name in file["drawing/function"]], ["contact rotation"])
+            first = file["drawing/functions"][:]
+        self.tandem("resume", "out.h5", "--set", "time.end=0.2", "--quiet", "--no-error")
+        with h5py.File(self.folder / "out.h5") as file:
+            second = file["drawing/functions"][:]
+        for samples, end in ((first, 0.1), (second, 0.2)):
+            self.near(samples[[0, -1], 0], [0, end], 1e-15)
+            self.near(samples[:, 1:], np.stack([3*samples[:, 0], np.full(len(samples), 3.0)], axis=1), 1e-14)
+        self.tandem("verify", "out.h5")
+
+    def test_other_models_have_none(self):
+        with self.went("rolling_disk", "time.end=0.1") as file:
+            self.assertNotIn("drawing", file)
 
 
 class Statics(Mechanism):

@@ -32,7 +32,8 @@ module tandem_cli_commands
     !> All subcommands.
     type(command_type), parameter :: commands(*) = [ &
         command_type('list', '', ' --json ', 'list scenes and steppers'), &
-        command_type('show', 'SCENE', ' --set --unset --output ', 'print the complete scene as TOML, with all defaults'), &
+        command_type('show', 'SCENE', ' --set --unset --output --drawing ', &
+        'print the complete scene as TOML, with all defaults'), &
         command_type('check', 'SCENE', ' --set --unset --json ', &
         'check the start, and compare the procedures of the model with differences'), &
         command_type('run', 'SCENE', ' --set --unset --output --force --error --no-error --profile --quiet --json ', &
@@ -98,6 +99,7 @@ module tandem_cli_commands
         option_type('--plane', 'XY', 'plane of tracks: two of x, y and z'), &
         option_type('--title', 'TEXT', 'title of the plot'), &
         option_type('--frames', 'N', 'frames per second (60)'), &
+        option_type('--drawing', 'PATH', 'write the shapes and joints of a mechanism, for viewers, to this HDF5 file'), &
         option_type('--floating', '', 'the root of the robot is a free body, not the ground'), &
         option_type('--key', 'NAME', 'MJCF: keyframe of the reference configuration and of the start'), &
         option_type('--limits', 'KIND', 'ranges of joints as stops (default), events or none'), &

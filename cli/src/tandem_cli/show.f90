@@ -4,7 +4,7 @@ module tandem_cli_show
     use tandem, only: error_type
     use tandem_cli_arguments, only: arguments_type
     use tandem_cli_messages, only: print_to_stderr, done, input_wrong, say
-    use tandem_io, only: find_scene, read_scene, scene_type
+    use tandem_io, only: check_target, find_scene, read_scene, scene_type, write_drawing
     implicit none (type, external)
     private
 
@@ -12,24 +12,28 @@ module tandem_cli_show
 
 contains
 
-    !> Print a scene with all defaults.
+    !> Print a scene with all defaults, or write its drawing to a file.
     subroutine show(arguments, code)
         type(arguments_type), intent(in) :: arguments
         !> Exit code.
         integer, intent(out) :: code
         type(scene_type) :: scene
         type(error_type), allocatable :: error
-        character(len=:), allocatable :: path
+        character(len=:), allocatable :: path, drawing
+        logical :: is_new
 
         call find_scene(arguments%scene, path, error)
         if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error, models=arguments%models)
+        drawing = arguments%value_of('--drawing', '')
+        if (.not. allocated(error) .and. drawing /= '') call check_target(drawing, .false., is_new, error)
+        if (.not. allocated(error) .and. drawing /= '') call write_drawing(drawing, scene%text, scene%model, error)
         if (allocated(error)) then
             call print_to_stderr(error%message)
             code = input_wrong
             return
         end if
         ! The text ends with a newline already.
-        call say(scene%text(:len(scene%text) - 1))
+        if (drawing == '') call say(scene%text(:len(scene%text) - 1))
         code = done
     end subroutine show
 end module tandem_cli_show

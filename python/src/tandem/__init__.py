@@ -24,7 +24,14 @@ from .program import equilibrium, linearise, program_path, run_program, run_scen
 from .result import Result, read
 from .simulation import Occurrence, RunError, Simulation, State
 from .solve import Solution, solve
+from .show import plot as _plot
+from .show import result_html as _result_html
+from .show import solution_html as _solution_html
+from .show import view as _view
 from .table import Table, read_table
+
+for _shown, _html in ((Result, _result_html), (Solution, _solution_html)):
+    _shown.plot, _shown.view, _shown._repr_html_ = _plot, _view, _html
 
 try:
     __version__ = _metadata.version("tandem-multibody")

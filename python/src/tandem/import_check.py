@@ -13,8 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from . import mjcf, urdf
-from .imports import format_of
-from .markup import InputError
+from .markup import InputError, format_of
 from .program import run_program
 from .robots import CREEP
 

@@ -14,17 +14,8 @@ import sys
 from pathlib import Path
 
 from . import mjcf, urdf
-from .markup import Budget, InputError, guarded, parse, say
+from .markup import InputError, format_of, guarded, say
 from .robots import Losses, parse_coordinates
-
-
-def format_of(path) -> str:
-    """urdf or mjcf, by the first element of a file."""
-    tag = parse(path, Budget()).tag
-    found = {"robot": "urdf", "mujoco": "mjcf", "mujocoinclude": "mjcf"}.get(tag)
-    if found is None:
-        raise InputError(f"{path} is neither URDF nor MJCF: its first element is <{tag[:60]}>, not <robot> or <mujoco>")
-    return found
 
 
 def add_arguments(parser) -> None:

@@ -144,3 +144,12 @@ def guarded(action) -> int:
 def say(text) -> None:
     """A message on one line, whatever names it quotes."""
     print("tandem: " + "".join(letter if letter.isprintable() else " " for letter in str(text)), file=sys.stderr)
+
+
+def format_of(path) -> str:
+    """urdf or mjcf, by the first element of a file."""
+    tag = parse(path, Budget()).tag
+    found = {"robot": "urdf", "mujoco": "mjcf", "mujocoinclude": "mjcf"}.get(tag)
+    if found is None:
+        raise InputError(f"{path} is neither URDF nor MJCF: its first element is <{tag[:60]}>, not <robot> or <mujoco>")
+    return found

@@ -15,6 +15,7 @@ from typing import Any
 from .model import DrawnModel
 from .problem import Event
 from .program import equilibrium, linearise, run_program, run_scene, settings_words, toml_key, toml_value
+from .result import drawing_in, opened
 from .simulation import Simulation
 from .solve import Solution, solve
 
@@ -129,6 +130,16 @@ class Mechanism:
     def show(self, settings: Mapping[str, Any] | None = None) -> str:
         """The complete scene, with all defaults."""
         return self._with_file(lambda file: run_program("show", file, *settings_words(settings)))
+
+    def drawing(self) -> dict[str, Any]:
+        """The geometry for viewers: the group /drawing of a result file (doc/output.md)."""
+        def derive(file: Path) -> dict[str, Any]:
+            path = file.with_suffix(".h5")
+            run_program("show", file, "--drawing", path)
+            with opened(path) as found:
+                return drawing_in(found)
+
+        return self._with_file(derive)
 
     def equilibrium(self, settings: Mapping[str, Any] | None = None) -> dict[str, Any]:
         """The equilibrium; see `tandem.equilibrium`."""

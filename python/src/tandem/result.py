@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import contextlib
 import tomllib
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -43,7 +44,8 @@ class Result:
     coordinates; `result["rod.x"]` is the series of that name. `sensors["tip"]["position"]`, `diagnostics["step"]` and
     `groups["joints"]["pin"]["force"]` (the content of /bodies, /joints, /wheels, /constraints, /forces and /balance) are `Series`;
     `events`; `singular` configurations that were passed, their `time` and `error`; `report`, `scene` and `scene_text`, `status`,
-    `message`; `path` of its file.
+    `message`; `path` of its file; of a mechanism, `drawing`: the datasets of /drawing.
+    `plot()` and `view()` draw the motion.
     """
 
     time: np.ndarray
@@ -65,6 +67,10 @@ class Result:
     status: str = ""
     message: str = ""
     path: str = ""
+    drawing: dict[str, Any] = field(default_factory=dict)
+    #: A plot and an animation of the motion: `tandem.plot.overview` and `tandem.view`, bound by `tandem.show`.
+    plot: ClassVar[Callable[..., Any]]
+    view: ClassVar[Callable[..., Any]]
 
     @property
     def t(self) -> np.ndarray:
@@ -111,23 +117,6 @@ class Result:
             dimensions = ("time", *([f"axis{one.values.shape[1]}"] if one.values.ndim > 1 else []))
             made[name] = (dimensions, one.values, {"units": one.unit, "meaning": one.meaning})
         return xarray.Dataset(made, coords={"time": ("time", self.time, {"units": "s"})}, attrs={"status": self.status})
-
-    def plot(self, *arguments: Any, **options: Any):
-        """A plot of the motion, see `tandem.plot`."""
-        from .plot import overview
-
-        return overview(self, *arguments, **options)
-
-    def view(self, path: str | Path | None = None, **options: Any):
-        """An animation of the motion, see `tandem.view`."""
-        from .viewer import view
-
-        return view(self, path, **options)
-
-    def _repr_html_(self) -> str:
-        from .show import result_html
-
-        return result_html(self)
 
     def __repr__(self) -> str:
         until = f"t = {self.time[0]:g} to {self.time[-1]:g} s" if self.time.size else "no rows"
@@ -203,6 +192,7 @@ def read_groups(path: str | Path, file, every: int = 1) -> Result:
         status=text(file.attrs.get("status", "")), message=text(file.attrs.get("status_message", "")), path=str(path))
     if "lambda" in trajectory:
         found.constraints = [text(name) for name in trajectory["lambda"].attrs.get("names", ())]
+    found.drawing = drawing_in(file)
     found.sensors = {name: group(f"sensors/{name}") for name in file.get("sensors", {})}
     for kind in KINDS:
         if kind in file:
@@ -218,6 +208,11 @@ def read_groups(path: str | Path, file, every: int = 1) -> Result:
         if "name" in found.events:
             found.events["name"] = np.array([text(name) for name in found.events["name"]])
     return found
+
+
+def drawing_in(file) -> dict[str, Any]:
+    """The group /drawing of a file: arrays of numbers, and lists of texts."""
+    return {name: data[:] if data.dtype.kind == "f" else [text(one) for one in data[:]] for name, data in file.get("drawing", {}).items()}
 
 
 def is_series(data) -> bool:

@@ -1,11 +1,28 @@
 # SPDX-License-Identifier: MIT
-"""How results show themselves in a notebook."""
+"""How results and solutions show themselves: plots, animations, and tables in a notebook. The package binds these functions as methods,
+so that results are data, and the modules that draw them import them."""
 
 from __future__ import annotations
 
 import base64
 import html
 import io
+from pathlib import Path
+from typing import Any
+
+
+def plot(given, *arguments: Any, **options: Any):
+    """A plot of the motion, see `tandem.plot.overview`."""
+    from .plot import overview
+
+    return overview(given, *arguments, **options)
+
+
+def view(given, path: str | Path | None = None, **options: Any):
+    """An animation of the motion, see `tandem.view`."""
+    from .viewer import view
+
+    return view(given, path, **options)
 
 
 def table(rows: list[tuple[str, str]]) -> str:
@@ -18,9 +35,7 @@ def picture(given) -> str:
     """An overview as an image within the page, where matplotlib is there and there is something to draw."""
     file = io.BytesIO()
     try:
-        from .plot import overview
-
-        overview(given).savefig(file, format="png")
+        plot(given).savefig(file, format="png")
     except (ModuleNotFoundError, ValueError):
         return ""
     return f"<img alt='overview' style='max-width:100%' src='data:image/png;base64,{base64.b64encode(file.getvalue()).decode()}'>"

@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -20,7 +19,7 @@ class Solution:
     """Result of `solve`: rows of the motion, events, figures.
 
     `t` (nt), `q`, `qd`, `qdd` (nt, n); `status` and `message`; `events`, `stopped_by`; `statistics`, `warnings`; `error`, where it was
-    asked for; `simulation`, the run, which can be taken further."""
+    asked for; `simulation`, the run, which can be taken further. `plot()` and `view()` draw the motion."""
 
     t: np.ndarray
     q: np.ndarray
@@ -38,6 +37,9 @@ class Solution:
     simulation: Simulation | None = None
     #: Of a mechanism, its scene.
     scene: dict[str, Any] = field(default_factory=dict)
+    #: A plot and an animation of the motion: `tandem.plot.overview` and `tandem.view`, bound by `tandem.show`.
+    plot: ClassVar[Callable[..., Any]]
+    view: ClassVar[Callable[..., Any]]
 
     @property
     def success(self) -> bool:
@@ -63,23 +65,6 @@ class Solution:
 
         return motion_dataset(self.t, {"q": self.q, "qd": self.qd, "qdd": self.qdd}, self.names, self.units,
                               {"status": self.status, "message": self.message})
-
-    def plot(self, *arguments: Any, **options: Any):
-        """A figure of the motion, see `tandem.plot`."""
-        from .plot import overview
-
-        return overview(self, *arguments, **options)
-
-    def view(self, path: str | Path | None = None, **options: Any):
-        """A page that plays the motion, see `tandem.view`."""
-        from .viewer import view
-
-        return view(self, path, **options)
-
-    def _repr_html_(self) -> str:
-        from .show import solution_html
-
-        return solution_html(self)
 
     def __repr__(self) -> str:
         until = f"t = {self.t[0]:g} to {self.t[-1]:g}" if self.t.size else "no rows"

@@ -22,6 +22,9 @@ module tandem_mechanism_body
         !> Reference configuration: centre of mass, Euler parameters or angle, velocity, and angular velocity in the world frame.
         real(wp) :: position(3) = 0.0_wp, p(4) = [1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], angle = 0.0_wp
         real(wp) :: velocity(3) = 0.0_wp, omega(3) = 0.0_wp
+        !> Shape, such as `box`, empty if none, and its dimensions (m); see `tandem_mechanism_shape`.
+        character(len=8) :: shape = ''
+        real(wp) :: sizes(3) = 0.0_wp
     end type body_type
 
     !> A named point of a body, 0 for the ground, in the body's frame.

@@ -6,7 +6,7 @@ submodule(tandem_mechanism_builder) tandem_mechanism_builder_forces
     use tandem_mechanism_joint, only: find_kind
     use tandem_mechanism_normal_force, only: normal_force_type
     use tandem_mechanism_refusal, only: refuse, take_vector
-    use tandem_mechanism_sensor, only: of_bushing, of_load, of_spring, of_torsion
+    use tandem_mechanism_sensor, only: of_bushing, of_joint, of_load, of_spring, of_torsion
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -41,7 +41,7 @@ contains
     module procedure add_torsion
         type(torsion_type) :: torsion
         character(len=:), allocatable :: label
-        integer :: k
+        integer :: k, type_of, number
 
         label = 'torsion '//trim(name)
         call self%check_name(name, label, error)
@@ -49,6 +49,8 @@ contains
         call self%find_coordinate(label, joint, k, error)
         if (allocated(error)) return
         torsion%coordinate = self%coordinates(k)
+        call self%find_element(joint(:index(joint//'.', '.') - 1), type_of, number)
+        if (type_of == of_joint) torsion%joint = number
         if (present(angle)) torsion%angle = angle
         if (present(stiffness)) torsion%stiffness = stiffness
         if (present(damping)) torsion%damping = damping

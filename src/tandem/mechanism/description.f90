@@ -369,6 +369,12 @@ contains
         call reader%pass('looks', 'for display only: shapes and meshes, with positions relative to the centre of mass')
         if (reader%failed()) return
         call mechanism%add_body(name, mass, position, error, inertia, p, velocity, omega)
+        if (allocated(sizes) .and. .not. allocated(error)) then
+            associate (body => mechanism%bodies(mechanism%n_of%bodies))
+                body%shape = shape
+                body%sizes(:size(sizes)) = sizes
+            end associate
+        end if
         call reader%blame(error)
         call read_points(reader, name, mechanism)
         call reader%close_table()

@@ -33,6 +33,8 @@ module tandem_mechanism_force
     !> spring exerts no torque or force (rad, m); indices of the function u(t) and of the force law g, 0 if none.
     type :: torsion_type
         type(coordinate_type) :: coordinate
+        !> Index of the joint, 0 for a wheel or a coupling.
+        integer :: joint = 0
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
         integer :: motion = 0, law = 0
         !> For joint friction: the reaction whose magnitude is the normal force. The force law g then gives the friction for a

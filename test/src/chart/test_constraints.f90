@@ -27,12 +27,7 @@ contains
         type(unittest_type), allocatable, intent(out) :: testsuite(:)
 
         testsuite = [ &
-            new_unittest('vehicle-holds-all-levels', test_vehicle), &
-            new_unittest('disk-holds-all-levels', test_disk), &
-            new_unittest('heavy-top-holds-all-levels', test_heavy_top), &
-            new_unittest('knife-edge-holds-all-levels', test_knife_edge), &
-            new_unittest('stiff-pendulum-holds-all-levels', test_stiff_pendulum), &
-            new_unittest('motorcycles-hold-all-levels', test_motorcycles), &
+            new_unittest('default-options-hold-all-levels', test_default), &
             new_unittest('implicit-steps-hold-all-levels', test_implicit), &
             new_unittest('implicit-steps-hold-all-levels-of-the-test-models', test_implicit_models), &
             new_unittest('implicit-steps-hold-all-levels-with-all-options', test_implicit_options), &
@@ -84,44 +79,18 @@ contains
         call check_below(error, watch%errors(3), bound, model%name//': measured acceleration error')
     end subroutine check_model
 
-    subroutine test_vehicle(error)
+    !> Default options: the disk up to t = 10, the suite `charts` follows it to 40 s; nu of the motorcycles jumps at 2 pi.
+    subroutine test_default(error)
         type(error_type), allocatable, intent(out) :: error
 
         call check_scene('vehicle', choose(), 10.0_wp, promised, error)
-    end subroutine test_vehicle
-
-    !> Up to t = 10; the suite `charts` follows the disk to 40 s.
-    subroutine test_disk(error)
-        type(error_type), allocatable, intent(out) :: error
-
         call check_scene('disk', choose(), 10.0_wp, promised, error)
-    end subroutine test_disk
-
-    subroutine test_heavy_top(error)
-        type(error_type), allocatable, intent(out) :: error
-
         call check_scene('heavy_top', choose(), 2.0_wp, promised, error)
-    end subroutine test_heavy_top
-
-    subroutine test_knife_edge(error)
-        type(error_type), allocatable, intent(out) :: error
-
         call check_scene('knife_edge', choose(), 10.0_wp, promised, error)
-    end subroutine test_knife_edge
-
-    subroutine test_stiff_pendulum(error)
-        type(error_type), allocatable, intent(out) :: error
-
         call check_scene('stiff_pendulum', choose(step=1.0e-4_wp), 0.5_wp, promised, error)
-    end subroutine test_stiff_pendulum
-
-    !> Default options; nu jumps at 2 pi.
-    subroutine test_motorcycles(error)
-        type(error_type), allocatable, intent(out) :: error
-
         call check_scene('motorcycle', choose(), 10.0_wp, promised, error)
         call check_scene('chopper', choose(), 10.0_wp, promised, error)
-    end subroutine test_motorcycles
+    end subroutine test_default
 
     !> All scenes with both implicit steppers; twice the default step, to save time.
     subroutine test_implicit(error)

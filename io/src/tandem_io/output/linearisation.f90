@@ -3,6 +3,7 @@
 module tandem_io_output_linearisation
     use tandem, only: cause_name, error_type, inputs_type, kind_name, label_length, linearisation_type, long, model_type, &
         nearest_type, set_error, wp
+    use tandem_io_output_drawing, only: put_drawing
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_modes, only: put_body_motions
     use tandem_io_version, only: format_version, tandem_version
@@ -53,6 +54,7 @@ contains
         call put_names(file, model, it, io)
         call put_modes(file, it)
         call put_body_motions(file, group, model, it%q, it%spectrum%shapes)
+        call put_drawing(file, model)
         call file%close()
         if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)
     end subroutine write_linearisation
@@ -94,6 +96,7 @@ contains
         call file%put(group//'/shapes_re', transpose(real(it%shapes, wp)))
         call file%put(group//'/shapes_im', transpose(aimag(it%shapes)))
         call put_body_motions(file, group, model, it%q, it%shapes)
+        call put_drawing(file, model)
         call file%close()
         if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)
     end subroutine write_nearest

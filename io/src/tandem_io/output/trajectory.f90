@@ -11,6 +11,7 @@ module tandem_io_output_trajectory
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_checksums, only: checksums_type, examine, finding_type
     use tandem_io_output_crossings, only: write_crossings
+    use tandem_io_output_drawing, only: drawing_group, put_drawing
     use tandem_io_output_events, only: event_output_type, event_paths
     use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, index_of, &
         output_type
@@ -235,6 +236,7 @@ contains
         call self%checkpoint%make(self%file)
         call self%prepare(output, simulation)
         call open_events(self, simulation)
+        call put_drawing(self%file, simulation%model)
         call self%checksums%make(self%file, checksum_paths(self, simulation))
         call self%checksums%write_text_checksum(self%file)
         ! This text must come after all others, which would otherwise occupy the reserved space.
@@ -289,6 +291,11 @@ contains
         end if
         call self%checksums%reopen(self%file, finding)
         if (finding%has_checksums) call set_checksums(self, finding%sums)
+        if (snapshot%scene /= scene) then
+            ! Functions of time are listed up to the end of the run, which may have changed.
+            call self%file%remove(drawing_group)
+            call put_drawing(self%file, simulation%model)
+        end if
         call self%file%start_appending(self%path)
         call self%file%attach('/', 'status', 'running')
         ! The last written checksums include the rows that are removed below, and must be replaced first.

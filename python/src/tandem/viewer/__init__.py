@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from ..mechanism import Mechanism
 from ..plot.data import motion_of
+from ..result import Result
 from .draw import draw
 from .drawing import Body, Drawing, Piece, Spring, Track
 from .modes import Modes, draw_modes, is_modes, read_modes
@@ -63,7 +66,13 @@ def drawing_of(given: Any, *, per_second: float = 60.0, names: list[str] | None 
         given = read_modes(given)
     if isinstance(given, Modes):
         return draw_modes(given, look)
-    return draw(motion_of(given), per_second=per_second, names=names, look=look)
+    result = motion_of(given)
+    if look is None and result.model == "mechanism" and result.time.size and not isinstance(given, (Result, str, Path)):
+        # A solution has no file: the program derives the geometry from the scene.
+        made = Mechanism()
+        made.tables = {**result.scene, "time": {"start": float(result.time[0]), "end": float(result.time[-1])}}
+        result = replace(result, drawing=made.drawing())
+    return draw(result, per_second=per_second, names=names, look=look)
 
 
 __all__ = ["Body", "Drawing", "Modes", "Page", "Piece", "Spring", "Track", "draw", "read_modes", "view"]

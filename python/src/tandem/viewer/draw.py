@@ -26,30 +26,21 @@ def draw(result, *, per_second: float = 60.0, names: list[str] | None = None, lo
         raise ValueError("there is no motion to show: some rows are not finite")
     numbers = 7*max(1, len(result.names)//7 if result.model != "mechanism" else sum(name.endswith(".x") for name in result.names))
     times = frame_times(result.time[0], result.time[-1], per_second, most=max(600, MOST_NUMBERS//numbers))
-    drawing, unknown = draw_model(result, times, resampled(result, times), look)
-    drawing.about = ", ".join(part for part in (about(result), unknown) if part)
+    drawing = draw_model(result, times, resampled(result, times), look)
+    drawing.about = about(result)
     drawing.curves = curves(result, times, names)
     return drawing
 
 
-def draw_model(result, times: np.ndarray, values: dict[str, np.ndarray], look: Callable | None = None) -> tuple[Drawing, str]:
-    """Create the bodies and their parts at the given times from the coordinates. Returns the drawing, and a note on ignored contents."""
-    if look is not None:
-        return look(result, times, values), ""
-    if result.model in DRAW:
-        return DRAW[result.model](result, times, values), ""
-    unknown = ""
-    if result.model == "mechanism":
-        try:
-            return draw_mechanism(result, times, values), ""
-        except (ArithmeticError, AttributeError, IndexError, KeyError, TypeError, ValueError) as error:
-            # The scene may contain elements unknown to this package. Then only its bodies are shown, and the note reports this.
-            unknown = f"shown without the shapes and joints of the scene, which are unknown ({type(error).__name__}: {error})"
-    drawing = draw_by_names(result, times, values)
+def draw_model(result, times: np.ndarray, values: dict[str, np.ndarray], look: Callable | None = None) -> Drawing:
+    """Create the bodies and their parts at the given times from the coordinates."""
+    if look is None:
+        look = draw_mechanism if result.model == "mechanism" else DRAW.get(result.model, draw_by_names)
+    drawing = look(result, times, values)
     if drawing is None:
         raise ValueError(f"the model {result.model or 'of this file'} cannot be shown: it has no coordinates named x and y, or NAME.x "
                          "and NAME.y; in Python, use tandem.view(result, look=...) with a user-defined drawing")
-    return drawing, unknown
+    return drawing
 
 
 def about(result) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from ..result import Result, opened, text
+from ..result import Result, drawing_in, opened, text
 from .drawing import Body, Drawing
 from .rotations import from_vectors, product
 
@@ -48,6 +48,8 @@ class Modes:
     shapes: np.ndarray
     scene: dict[str, Any]
     path: str = ""
+    #: The geometry of a mechanism, as in `Result`.
+    drawing: dict[str, Any] = field(default_factory=dict)
     bodies: list[str] = field(default_factory=list)
     motions: np.ndarray | None = None
 
@@ -85,7 +87,7 @@ class Modes:
         far = np.abs(shape[lengths]).max(initial=0)/(LARGEST_PART*size)
         rotation = np.abs(shape*weights)[~lengths].max(initial=0)/LARGEST_ANGLE
         q = self.q + np.real(swing()[:, None]*shape)/(max(far, rotation) or 1.0)
-        return Result(TIMES, self.names, [""]*len(self.names), q, scene=self.scene, path=self.path)
+        return Result(TIMES, self.names, [""]*len(self.names), q, scene=self.scene, path=self.path, drawing=self.drawing)
 
 
 def is_modes(path: str | Path) -> bool:
@@ -105,7 +107,7 @@ def read_modes(path: str | Path) -> Modes:
             causes = [text(cause).strip() for cause in group["cause"][:]] if "cause" in group else [""]*len(values)
             found = Modes([text(name).strip() for name in group["coordinates"][:]], group["q"][:], values[:, 0] + 1j*values[:, 1], causes,
                           group["frequency"][:], group["damping_ratio"][:], group["shapes_re"][:] + 1j*group["shapes_im"][:],
-                          tomllib.loads(text(file.attrs.get("scene", ""))), str(path))
+                          tomllib.loads(text(file.attrs.get("scene", ""))), str(path), drawing_in(file))
             if "motions_re" in group:
                 found.bodies = [text(name).strip() for name in group["bodies"][:]]
                 motions = group["motions_re"][:] + 1j*group["motions_im"][:]
@@ -122,11 +124,11 @@ def draw_modes(modes: Modes, look=None) -> Drawing:
     shown = modes.shown()
     if not shown:
         raise ValueError(f"{modes.path}: there is no mode to show: symmetries and families explain all eigenvalues")
-    rest = Result(np.zeros(1), modes.names, [""]*len(modes.names), modes.q[None], scene=modes.scene, path=modes.path)
-    still, unknown = draw_model(rest, rest.time, {name: rest.q[:, j] for j, name in enumerate(modes.names)}, look)
+    rest = Result(np.zeros(1), modes.names, [""]*len(modes.names), modes.q[None], scene=modes.scene, path=modes.path,
+                  drawing=modes.drawing)
+    still = draw_model(rest, rest.time, {name: rest.q[:, j] for j, name in enumerate(modes.names)}, look)
     low, high = still.bounds()
     size = max(still.extent, 0.3*float(np.max(high - low)))
-    say = ", ".join(part for part in (f"{len(shown)} modes, not to scale, a period in {PERIOD:g} s", unknown) if part)
     if look is None and modes.motions is not None:
         made = still
         for i in shown:
@@ -136,10 +138,11 @@ def draw_modes(modes: Modes, look=None) -> Drawing:
         made = None
         for i in shown:
             one = modes.motion(i, size)
-            drawing, _ = draw_model(one, one.time, {name: one.q[:, j] for j, name in enumerate(one.names)}, look)
+            drawing = draw_model(one, one.time, {name: one.q[:, j] for j, name in enumerate(one.names)}, look)
             made = made or drawing
             made.takes.append((modes.label(i), drawing.bodies))
-    made.times, made.tracks, made.arrows, made.about = TIMES, [], [], say
+    made.times, made.tracks, made.arrows = TIMES, [], []
+    made.about = f"{len(shown)} modes, not to scale, a period in {PERIOD:g} s"
     return made
 
 
