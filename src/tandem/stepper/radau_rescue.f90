@@ -98,7 +98,10 @@ contains
         integer, intent(out) :: stat
         !> Largest number of sweeps.
         integer, parameter :: most_sweeps = 80
-        real(wp) :: change, last_change, stage_change, theta
+        !> Sweeps that converge reduce the change to at most 0.6 in this number; others only cost matrices.
+        integer, parameter :: window = 10
+        real(wp), parameter :: least_reduction = 0.7_wp
+        real(wp) :: change, changes(most_sweeps), last_change, stage_change, theta
         integer :: i, k, n
 
         n = size(self%increment, 1)
@@ -114,9 +117,14 @@ contains
             end do
             theta = change/last_change
             last_change = max(change, tiny(1.0_wp))
+            changes(k) = change
             if (k == 1) cycle
             if (change <= self%rounding_limit .and. .not. theta < 0.95_wp) exit
             if (theta < 0.95_wp .and. theta*change <= (1.0_wp - theta)*self%tolerance) exit
+            if (k > window) then
+                if (change > least_reduction*changes(k - window)) stat = status_newton_failed
+                if (stat /= status_ok) return
+            end if
         end do
         if (k > most_sweeps) then
             stat = status_newton_failed

@@ -2,7 +2,7 @@
 !> Tests of the sparse chart with friction on reactions, coordinates without mass, redundant rows at velocity level and couplings
 !> that can be freed: motions, multipliers and continued runs, against the dense chart.
 module test_sparse_features
-    use asserts, only: check_below, check_close, check_count, check_no_failure, check_true
+    use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_runs, only: controlled, go_on
     use tandem, only: failure_type => error_type, long, options_type, simulation_type, statistics_type, wp
     use tandem_io, only: find_scene, read_scene, scene_type
@@ -79,6 +79,8 @@ contains
         testsuite = [ &
             new_unittest('friction-on-reactions', test_friction), &
             new_unittest('coordinates-without-mass', test_massless), &
+            new_unittest('bodies-without-mass', test_hinges), &
+            new_unittest('a-body-without-mass-that-turns-freely-is-refused', test_free_body), &
             new_unittest('redundant-rows-at-velocity-level', test_redundant), &
             new_unittest('couplings-that-can-be-freed', test_coupling), &
             new_unittest('a-stiff-mechanism-that-turns-costs-no-steps', test_governor)]
@@ -95,6 +97,54 @@ contains
 
         call compare(cart_on_struts, 0, error)
     end subroutine test_massless
+
+    !> Each of three links has three hinges with two bodies without mass between them, 42 coordinates in all.
+    subroutine test_hinges(error)
+        type(error_type), allocatable, intent(out) :: error
+        character(len=*), parameter :: axes(3) = [character(len=11) :: '[0, 0.6, 1]', '[0, 1, 0.3]', '[1, 0.2, 0]']
+        character(len=:), allocatable :: last, next, text
+        character(len=1) :: link, number
+        integer :: i, k
+
+        text = head
+        last = 'ground'
+        do k = 1, 3
+            write (link, '(i1)') k
+            do i = 1, 3
+                write (number, '(i1)') i
+                next = 'b'//link//number
+                text = text//'[body.'//next//']'//nl
+                if (i < 3) then
+                    text = text//'mass = 0'//nl//'inertia = [0, 0, 0]'//nl//'position = ['//link//', 0, 0]'//nl
+                else
+                    text = text//'mass = 1.5'//nl//'inertia = [0.02, 0.1, 0.08]'//nl//'position = ['//link//'.5, 0, 0]'//nl
+                end if
+                text = text//'[joint.j'//link//number//']'//nl//'type = "revolute"'//nl//'bodies = ["'//last//'", "'//next// &
+                    '"]'//nl//'at = ['//link//', 0, 0]'//nl//'axis = '//axes(i)//nl//'[force.f'//link//number//']'//nl// &
+                    'type = "torsion"'//nl//'joint = "j'//link//number//'"'//nl//'stiffness = 5'//nl//'damping = 0.2'//nl
+                last = next
+            end do
+        end do
+        call compare(text, 0, error)
+    end subroutine test_hinges
+
+    !> Without forces it would not move: the start is refused nevertheless.
+    subroutine test_free_body(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scene
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+        type(options_type) :: options
+
+        call read_scene('test.toml', [character(len=1) ::], scene, failure, text=head//'[body.ring]'//nl//'mass = 0'//nl// &
+            'inertia = [0, 0, 0]'//nl//'position = [0, 0, 0]'//nl//'[joint.axle]'//nl//'type = "revolute"'//nl// &
+            'bodies = ["ground", "ring"]'//nl//'at = [0, 0, 0]'//nl//'axis = [0, 0, 1]'//nl//'[body.other]'//nl//'mass = 1'//nl// &
+            'inertia = [1, 1, 1]'//nl//'position = [1, 0, 0]'//nl)
+        options%chart_kind = 'sparse'
+        if (.not. allocated(failure)) call simulation%initialize(scene%model, options, scene%t_start, scene%q, scene%qd, failure, &
+            scene%assembly)
+        call check_failure(error, failure, 'invalid_option', 'has no mass')
+    end subroutine test_free_body
 
     subroutine test_redundant(error)
         type(error_type), allocatable, intent(out) :: error

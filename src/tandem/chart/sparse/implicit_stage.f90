@@ -120,6 +120,8 @@ contains
         real(wp), intent(in) :: ha
         complex(wp), intent(in), contiguous :: ratios(:)
         integer, intent(out) :: stat
+        !> Of the acceleration, at which the stiffness is evaluated.
+        real(wp), parameter :: rest = 1.0e-13_wp
 
         self%failure%row = 0
         call self%expect_pairs(ratios)
@@ -132,8 +134,11 @@ contains
                 return
             end if
             s%g(:) = -s%model%terms%gamma
-            call s%factor(s%here)%solve(s%analysis, .true., s%model%terms%force, s%g, self%part, s%z)
-            call s%update%complete_motion(self%part)
+            call s%solve_here(s%model%terms%force, s%g, self%part, s%z, rest, .false., stat)
+            if (stat /= status_ok) then
+                call self%fail_here(stat)
+                return
+            end if
             call self%keep_multipliers()
             call s%find_multipliers(self%part, self%lambda)
             call s%model%evaluate_stiffness(t, q, qd, qdd, self%lambda, self%newton%terms%stiffness, self%counts, stat)
@@ -142,8 +147,7 @@ contains
                 return
             end if
             call self%newton%form(s%factor(s%here), s%model%terms%mass)
-            if (size(s%update%coordinates) /= size(self%newton%update%coordinates)) call self%newton%tell_massless( &
-                s%update%coordinates, s%update%added)
+            call self%newton%tell_massless(s%massless, s%added)
             if (s%normal_forces%n > 0) call self%newton%set_friction(s%model%directions, s%model%normals_gradient)
             call self%newton%factor(ha, stat)
             self%left = 2.0_wp

@@ -527,6 +527,8 @@ contains
         !> Largest remainder of an acceleration, relative to itself, with the factor of a nearby point. At the end of a step it
         !> equals the rounding error of velocities; at a stage it is at most 1e-3 of the error of `rk4` (measured).
         real(wp), parameter :: rest_at_end = 2.5e-13_wp, rest_at_stage = 1.0e-9_wp
+        !> Largest error of a stage that coordinates without mass cause.
+        real(wp), parameter :: rest_of_massless = 1.0e-11_wp
         integer :: pass
         logical :: is_solved
 
@@ -547,8 +549,12 @@ contains
             end if
             associate (here => s%factor(s%here))
                 s%g(:) = -s%model%terms%gamma
-                call here%solve(s%analysis, .true., s%model%terms%force, s%g, qdd, s%z)
-                call s%update%complete_motion(qdd)
+                call s%solve_here(s%model%terms%force, s%g, qdd, s%z, merge(rest_of_massless, rest_at_end, goal%is_stage), &
+                    .true., stat)
+                if (stat /= status_ok) then
+                    call self%fail_here(stat)
+                    return
+                end if
                 if (.not. s%is_held) call s%nearby%note(t, qdd, s%z)
                 do pass = 1, merge(0, passes(here%least), goal%is_stage)
                     ! Rounding error of C qdd + gamma.

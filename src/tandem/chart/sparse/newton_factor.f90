@@ -25,7 +25,7 @@ module tandem_chart_sparse_newton_factor
         type(stiffness_type) :: stiffness
         !> Compressed M, the parts of C by links and by owned rows.
         real(wp), allocatable :: mass(:, :), c(:), own(:)
-        !> Columns for coordinates without mass and for frictions, see `tandem_chart_sparse_low_rank` (n, columns).
+        !> Columns for frictions, see `tandem_chart_sparse_low_rank` (n, columns).
         real(wp), allocatable :: columns(:, :)
         !> Rows that are left out (m).
         logical, allocatable :: is_out(:)

@@ -36,9 +36,12 @@ module tandem_chart_sparse_newton_matrix
         type(newton_factor_type), private :: factored
         !> Matrices of complex pairs of systems; of size 0 if stages are solved one by one.
         type(newton_pair_type), allocatable :: pairs(:)
-        !> Coordinates without mass and friction on reactions, of the real system and of the pairs.
-        type(low_rank_type) :: update
+        !> Friction on reactions, of the real system and of the pairs.
+        type(low_rank_type), private :: update
         type(low_rank_type), allocatable, private :: update_of_pairs(:)
+        !> Coordinates without mass, and their mass in the factors.
+        integer, allocatable, private :: massless(:)
+        real(wp), allocatable, private :: added(:)
         !> Work space: unknowns of nodes.
         real(wp), allocatable, private :: z(:), w(:)
         integer, private :: n_frictions = 0
@@ -73,6 +76,9 @@ contains
         allocate (self%pairs(0), self%update_of_pairs(0))
         self%n_frictions = n_frictions
         call self%tell_massless([integer ::], [real(wp) ::])
+        call self%update%allocate(base%n, base%m, n_frictions)
+        if (allocated(self%terms%columns)) deallocate (self%terms%columns)
+        allocate (self%terms%columns(merge(base%n, 0, n_frictions > 0), n_frictions), source=0.0_wp)
         self%ha = 0.0_wp
     end subroutine initialize
 
@@ -90,8 +96,7 @@ contains
         allocate (self%pairs(size(ratios)), self%update_of_pairs(size(ratios)))
         do k = 1, size(ratios)
             call self%pairs(k)%allocate(self%analysis, ratios(k))
-            call self%update_of_pairs(k)%allocate(self%analysis%n, self%analysis%m, self%update%coordinates, self%update%added, &
-                self%n_frictions)
+            call self%update_of_pairs(k)%allocate(self%analysis%n, self%analysis%m, self%n_frictions)
         end do
         self%w = self%z
         self%ha = 0.0_wp
@@ -138,9 +143,9 @@ contains
             real(wp), intent(in) :: part
             integer :: i
 
-            do i = 1, size(self%update%coordinates)
-                associate (j => self%update%coordinates(i))
-                    self%terms%mass(j, j - self%analysis%block_first(j) + 1) = part*self%update%added(i)
+            do i = 1, size(self%massless)
+                associate (j => self%massless(i))
+                    self%terms%mass(j, j - self%analysis%block_first(j) + 1) = part*self%added(i)
                 end associate
             end do
         end subroutine add_masses
@@ -150,21 +155,11 @@ contains
     subroutine tell_massless(self, coordinates, added)
         class(newton_matrix_type), intent(inout) :: self
         integer, intent(in) :: coordinates(:)
-        !> Mass of each in the factors.
+        !> Mass of each in the factors: so small that corrections contract nearly as without it.
         real(wp), intent(in) :: added(:)
-        integer :: k
 
-        associate (a => self%analysis)
-            call self%update%allocate(a%n, a%m, coordinates, added, self%n_frictions)
-            do k = 1, size(self%pairs)
-                call self%update_of_pairs(k)%allocate(a%n, a%m, coordinates, added, self%n_frictions)
-            end do
-            if (allocated(self%terms%columns)) deallocate (self%terms%columns)
-            allocate (self%terms%columns(merge(a%n, 0, self%update%n > 0), self%update%n), source=0.0_wp)
-        end associate
-        do k = 1, size(coordinates)
-            self%terms%columns(coordinates(k), k) = added(k)
-        end do
+        self%massless = coordinates
+        self%added = added
     end subroutine tell_massless
 
     !> Set B and p' of friction on reactions.
@@ -174,14 +169,14 @@ contains
         real(wp), intent(in), contiguous :: directions(:, :), gradient(:, :)
         integer :: k
 
-        self%terms%columns(:, size(self%update%coordinates) + 1:) = directions
+        self%terms%columns(:, :) = directions
         self%update%gradient(:, :) = gradient
         do k = 1, size(self%pairs)
             self%update_of_pairs(k)%gradient(:, :) = gradient
         end do
     end subroutine set_friction
 
-    !> Find the effect of coordinates without mass and of friction on the factors.
+    !> Find the effect of friction on the factors.
     subroutine factor_update(self, stat)
         class(newton_matrix_type), intent(inout) :: self
         !> ok or `newton_failed`.
@@ -343,8 +338,8 @@ contains
         n = size(ratios)/2
         call self%expect_pairs(cmplx(ratios(:n), ratios(n + 1:), wp))
         call pack%item(self%ha)
-        coordinates = self%update%coordinates
-        added = self%update%added
+        coordinates = self%massless
+        added = self%added
         call pack%item(coordinates)
         call pack%item(added)
         if (pack%is_reading) call self%tell_massless(coordinates, added)

@@ -90,9 +90,13 @@ contains
         real(wp), intent(in), contiguous :: q(:)
         real(wp), intent(inout), contiguous :: qd(:)
         integer, intent(out) :: stat
+        !> Of each pass.
+        real(wp), parameter :: rest = 1.0e-13_wp
+        real(wp) :: no_force(size(qd))
         integer :: pass
 
         self%failure%row = 0
+        no_force = 0.0_wp
         associate (s => self%system)
             call s%visit(t, q, self%counts, stat)
             if (stat == status_ok) call s%factorize(self%counts, stat)
@@ -104,8 +108,11 @@ contains
             do pass = 1, 2
                 s%g(:) = s%model%terms%nu
                 call s%factor(s%here)%multiply(s%analysis, qd, s%g)
-                call s%factor(s%here)%solve(s%analysis, .false., qd, s%g, s%x, s%z)
-                call s%update%complete_motion(s%x)
+                call s%solve_here(no_force, s%g, s%x, s%z, rest, .false., stat)
+                if (stat /= status_ok) then
+                    call self%fail_here(stat)
+                    return
+                end if
                 qd = qd + s%x
             end do
             if (.not. sum(abs(qd)) <= huge(1.0_wp)) stat = status_not_finite

@@ -7,7 +7,6 @@ module tandem_chart_sparse_system
     use tandem_chart_sparse_blocks, only: read_behind
     use tandem_chart_sparse_errors, only: judge_rows
     use tandem_chart_sparse_factor, only: factor_type
-    use tandem_chart_sparse_low_rank, only: low_rank_type
     use tandem_chart_sparse_nearby, only: nearby_type
     use tandem_chart_sparse_progress, only: largest_change
     use tandem_kinds, only: wp
@@ -50,9 +49,16 @@ module tandem_chart_sparse_system
         real(wp) :: t_point = 0.0_wp
         real(wp), allocatable :: q_point(:), qd_point(:)
         logical :: has_point = .false., has_motion = .false., has_phi = .false.
-        !> Coordinates without mass, found at the first factorization (before, the list is not allocated), and the effect of their
-        !> mass in the factors on solutions.
-        type(low_rank_type) :: update
+        !> Coordinates without mass, found at the first factorization (before, the list is not allocated), and their mass in the
+        !> factors; their number; true if constraints determine them. Scales of all coordinates (n).
+        integer, allocatable :: massless(:)
+        real(wp), allocatable :: added(:)
+        integer :: n_massless = 0
+        logical :: determines_massless = .false.
+        !> The last acceleration of these coordinates, and how much a step of its iteration reduced the error.
+        real(wp), allocatable :: last_massless(:)
+        real(wp) :: reduction = 1.0_wp
+        real(wp), allocatable :: scale(:)
         class(model_type), pointer, private :: source => null()
         !> Friction on reactions; true if the forces of the last point contain it.
         type(normal_forces_type) :: normal_forces
@@ -70,8 +76,8 @@ module tandem_chart_sparse_system
         procedure :: hold, release
         procedure :: take_origin, forget, find_errors, find_weights
         procedure :: find_diagonal, find_multipliers, name_infinite, pack_state
-        procedure :: add_friction, invert_masses
-        procedure, private :: balance, factor_update, find_massless, pack_massless
+        procedure :: add_friction, invert_masses, solve_here
+        procedure, private :: balance, find_massless, check_massless, pack_massless
     end type system_type
 
     interface
@@ -83,29 +89,44 @@ module tandem_chart_sparse_system
             integer, intent(out) :: stat
         end subroutine invert_masses
 
-        !> Find the coordinates without mass: the diagonal of their block of M is zero. In the factors they have a mean mass.
+        !> Find the coordinates without mass: the diagonal of their block of M is zero.
         module subroutine find_massless(self)
             implicit none (type, external)
             class(system_type), intent(inout) :: self
         end subroutine find_massless
 
-        !> Find the effect of coordinates without mass on solutions.
-        module subroutine factor_update(self, stat)
+        !> Check, once, that the constraints determine the coordinates without mass at the last point, which is factored.
+        module subroutine check_massless(self, stat)
             implicit none (type, external)
             class(system_type), intent(inout) :: self
             !> ok or `singular_mass`, with the coordinate in the factor.
+            integer, intent(inout) :: stat
+        end subroutine check_massless
+
+        !> Solve M x + C' lambda = f, C x = g at the last point, which is factored, also with coordinates without mass.
+        module subroutine solve_here(self, f, g, x, z, largest_rest, is_acceleration, stat)
+            implicit none (type, external)
+            class(system_type), intent(inout) :: self
+            !> (n), (m)
+            real(wp), intent(in), contiguous :: f(:), g(:)
+            !> As of `solve` in `tandem_chart_sparse_factor`.
+            real(wp), intent(out), contiguous :: x(:)
+            real(wp), intent(inout), contiguous :: z(:)
+            !> Largest error of an entry of x that coordinates without mass cause, relative to the entry or to its scale.
+            real(wp), intent(in) :: largest_rest
+            !> True for the acceleration of the motion: the iteration begins with that of the last point.
+            logical, intent(in) :: is_acceleration
+            !> ok or `singular_mass`, with the coordinate in the factor.
             integer, intent(out) :: stat
-        end subroutine factor_update
+        end subroutine solve_here
 
         !> The multipliers of M x + C' lambda = force with C x = 0 at the last point.
-        module subroutine balance(self, force, lambda, completes)
+        module subroutine balance(self, force, lambda)
             implicit none (type, external)
             class(system_type), intent(inout) :: self
             !> (n), changed; (m)
             real(wp), intent(inout), contiguous :: force(:)
             real(wp), intent(out), contiguous :: lambda(:)
-            !> True to complete the solution for coordinates without mass.
-            logical, intent(in) :: completes
         end subroutine balance
 
         !> Add friction on reactions to the forces of the last point, which is factored.
@@ -159,9 +180,13 @@ contains
         allocate (self%q_point(model%n), self%qd_point(model%n), self%x(model%n), self%z(self%analysis%n_unknowns), &
             self%g(self%m), self%scales(self%m, 2), source=0.0_wp)
         self%rate = 1.0_wp/model%time_scale
-        if (allocated(self%update%coordinates)) deallocate (self%update%coordinates)
+        if (allocated(self%massless)) deallocate (self%massless, self%added, self%last_massless)
         self%source => model
-        self%update%n = 0
+        self%n_massless = 0
+        self%determines_massless = .false.
+        self%reduction = 1.0_wp
+        if (allocated(self%scale)) deallocate (self%scale)
+        allocate (self%scale, source=model%scales())
         self%normal_forces%n = 0
         if (model%n_frictions > 0) call self%normal_forces%allocate(model, self%m)
         self%has_inverses = .false.
@@ -299,7 +324,7 @@ contains
             end if
             if (stat == status_ok) call factor%factorize(self%analysis, .false., stat)
         end associate
-        if (stat == status_ok .and. self%update%n > 0) call self%factor_update(stat)
+        if (stat == status_ok) call self%check_massless(stat)
         counts%constraint_factorizations = counts%constraint_factorizations + min(self%m, 1)
         counts%mass_factorizations = counts%mass_factorizations + 1
         if (stat /= status_ok) call self%name_infinite(stat)
@@ -328,7 +353,7 @@ contains
         logical, intent(out) :: is_solved
 
         is_solved = .false.
-        if (self%is_held .or. .not. self%shares_terms .or. max(self%update%n, self%normal_forces%n) > 0) return
+        if (self%is_held .or. .not. self%shares_terms .or. max(self%n_massless, self%normal_forces%n) > 0) return
         associate (here => self%factor(self%here))
             if (here%is_factored .or. .not. self%nearby%may_serve(self%t_point, here)) return
             call self%load()
@@ -396,7 +421,7 @@ contains
                 self%factor(i)%leaves_out = any(factor%is_out)
             end do
         end associate
-        if (self%update%n > 0) call self%factor_update(stat)
+        call self%check_massless(stat)
     end subroutine choose_rows
 
     !> Evaluate also gamma and the forces at (t, q, qd), unless it was the last point.
@@ -476,7 +501,7 @@ contains
         do j = 1, size(diagonal)
             diagonal(j) = self%model%terms%mass(j, self%pattern%mass_column(j))
         end do
-        diagonal(self%update%coordinates) = self%update%added
+        diagonal(self%massless) = self%added
         associate (a => self%analysis, own => self%factor(self%here)%own)
             do b = 1, a%n_bodies
                 if (a%own_row(b) == 0) cycle
@@ -507,7 +532,7 @@ contains
 
         call self%pattern%multiply_mass(self%model%terms%mass, qdd, force)
         force = self%model%terms%force - force
-        call self%balance(force, lambda, .true.)
+        call self%balance(force, lambda)
     end subroutine find_multipliers
 
     !> Find the term that is not finite, if there is one, after a failure. Invalidate the point, so that it can be tried again.

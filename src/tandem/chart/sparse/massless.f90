@@ -1,0 +1,186 @@
+! SPDX-License-Identifier: MIT
+!> Coordinates without mass of a sparse system.
+!>
+!> In the factors such a coordinate has a small mass, so that each body can be eliminated first. A solution with the factor
+!> satisfies the constraints, and its error is small because the mass is: conjugate gradients that are preconditioned by the
+!> factor remove it, each step by the ratio of the added mass to the mass that the constraints give the coordinate.
+submodule(tandem_chart_sparse_system) tandem_chart_sparse_massless
+    use tandem_chart_sparse_progress, only: largest_part
+    implicit none (type, external)
+
+contains
+
+    module procedure invert_masses
+        if (.not. allocated(self%massless)) call self%find_massless()
+        call set_masses(1.0_wp)
+        call self%factor(self%here)%invert_masses(self%analysis, self%pattern%mass_width, self%model%terms%mass, stat)
+        call set_masses(0.0_wp)
+
+    contains
+
+        subroutine set_masses(part)
+            real(wp), intent(in) :: part
+            integer :: i
+
+            do i = 1, self%n_massless
+                associate (j => self%massless(i))
+                    self%model%terms%mass(j, self%pattern%mass_column(j)) = part*self%added(i)
+                end associate
+            end do
+        end subroutine set_masses
+    end procedure invert_masses
+
+    module procedure find_massless
+        !> Part of the mass of the nearest bodies. A smaller one costs fewer steps and loses digits of the factor.
+        real(wp), parameter :: part = 1.0e-4_wp
+        logical :: has_mass(size(self%q_point)), is_known(self%pattern%n_bodies), was_known(self%pattern%n_bodies)
+        real(wp) :: given(size(self%q_point)), least
+        integer :: b, i, j, k, last, row
+
+        associate (mass => self%model%terms%mass, a => self%analysis, p => self%pattern, scale => self%scale)
+            ! The largest entry of the block on the scales of its coordinates.
+            given = 0.0_wp
+            j = 1
+            do while (j <= size(scale))
+                last = j
+                do while (last < size(scale))
+                    if (a%block_first(last + 1) /= j) exit
+                    last = last + 1
+                end do
+                do i = j, last
+                    given(j:last) = max(given(j:last), abs(mass(i, p%mass_column(i)))*scale(i)**2)
+                end do
+                j = last + 1
+            end do
+            has_mass = given > 0.0_wp
+            do b = 1, p%n_bodies
+                is_known(b) = all(has_mass(p%first(b):p%first(b + 1) - 1))
+            end do
+            ! Bodies with rows in common, from those with mass on: bodies of equal size exchange the masses of equal coordinates.
+            do
+                was_known = is_known
+                do row = 1, p%n_rows
+                    associate (bodies => p%row_body(p%row_start(row):p%row_start(row + 1) - 1))
+                        do i = 1, size(bodies)
+                            if (was_known(bodies(i))) cycle
+                            do k = 1, size(bodies)
+                                if (was_known(bodies(k))) call take(bodies(i), bodies(k))
+                            end do
+                        end do
+                    end associate
+                end do
+                if (all(is_known .eqv. was_known)) exit
+            end do
+            least = 1.0_wp
+            if (any(has_mass)) least = minval(given, has_mass)
+            where (.not. given > 0.0_wp) given = least
+            self%massless = pack([(j, j=1, size(has_mass))], .not. has_mass)
+            self%n_massless = size(self%massless)
+            self%added = part*given(self%massless)/scale(self%massless)**2
+            self%last_massless = 0.0_wp*self%added
+            if (.not. any(has_mass) .or. .not. all(given <= huge(1.0_wp))) self%n_massless = 0
+        end associate
+
+    contains
+
+        !> The smallest masses of the neighbours.
+        subroutine take(one, other)
+            integer, intent(in) :: one, other
+            real(wp) :: of_other
+            integer :: at, from
+
+            associate (first => self%pattern%first)
+                do at = first(one), first(one + 1) - 1
+                    if (has_mass(at)) cycle
+                    from = first(other) + at - first(one)
+                    if (first(one + 1) - first(one) == first(other + 1) - first(other)) then
+                        of_other = given(from)
+                    else
+                        of_other = minval(given(first(other):first(other + 1) - 1))
+                    end if
+                    if (.not. given(at) > 0.0_wp .or. of_other < given(at)) given(at) = of_other
+                end do
+            end associate
+            is_known(one) = .true.
+        end subroutine take
+    end procedure find_massless
+
+    module procedure check_massless
+        real(wp), parameter :: rest = 1.0e-6_wp
+        real(wp) :: force(size(self%q_point)), no_rows(self%m), x(size(self%q_point))
+        integer :: i
+
+        if (self%n_massless == 0 .or. self%determines_massless) return
+        ! Forces in no particular direction.
+        force = 0.0_wp
+        no_rows = 0.0_wp
+        do i = 1, self%n_massless
+            force(self%massless(i)) = self%added(i)/self%scale(self%massless(i))*cos(real(i, wp)**2)
+        end do
+        call self%solve_here(force, no_rows, x, self%z, rest, .false., stat)
+        self%determines_massless = stat == status_ok
+    end procedure check_massless
+
+    module procedure solve_here
+        !> Steps near a point where no constraint determines a coordinate, and the ratio of masses of such a point.
+        integer, parameter :: most = 60
+        real(wp), parameter :: largest_ratio = 1.0e12_wp
+        !> Larger errors that do not decrease are not rounding.
+        real(wp), parameter :: largest_rounding = 1.0e-9_wp, slow = 0.3_wp
+        real(wp), dimension(size(x)) :: d, direction, left, moved
+        real(wp) :: no_rows(size(g)), more(size(z))
+        real(wp) :: before, curvature, last, product, rest
+        integer :: k
+
+        stat = status_ok
+        associate (factor => self%factor(self%here), a => self%analysis, mass => self%model%terms%mass)
+            if (self%n_massless == 0) then
+                call factor%solve(a, .true., f, g, x, z)
+                return
+            end if
+            left = f
+            if (is_acceleration) left(self%massless) = left(self%massless) + self%added*self%last_massless
+            call factor%solve(a, .true., left, g, x, z)
+            no_rows = 0.0_wp
+            direction = 0.0_wp
+            before = 1.0_wp
+            last = 0.0_wp
+            do k = 1, most
+                call factor%find_unbalanced(a, mass, f, x, z, left)
+                call factor%solve(a, .true., left, no_rows, d, more)
+                z(:) = z + more
+                product = dot_product(left, d)
+                ! Zero, or rounding.
+                if (.not. product > 0.0_wp) exit
+                direction = d + merge(product/before, 0.0_wp, k > 1)*direction
+                call self%pattern%multiply_mass(mass, direction, moved)
+                curvature = dot_product(direction, moved)
+                if (.not. curvature*largest_ratio > sum(self%added*direction(self%massless)**2)) stat = status_singular_mass
+                if (stat /= status_ok) exit
+                moved = product/curvature*direction
+                x(:) = x + moved
+                rest = largest_part(size(x), moved, x, self%scale, self%rate**2)
+                if (k > 1) self%reduction = min(rest/last, 1.0_wp)
+                if (rest*self%reduction <= largest_rest) exit
+                if (k > 1 .and. rest <= largest_rounding .and. rest > slow*last) exit
+                before = product
+                last = rest
+            end do
+            if (k > most) stat = status_singular_mass
+            if (stat /= status_ok) factor%failed_coordinate = &
+                self%massless(maxloc(self%added*direction(self%massless)**2, dim=1))
+            if (.not. is_acceleration .or. stat /= status_ok) return
+            ! After a failed evaluation the next point needs another guess.
+            self%last_massless(:) = merge(x(self%massless), 0.0_wp, abs(x(self%massless)) <= huge(1.0_wp))
+        end associate
+    end procedure solve_here
+
+    module procedure pack_massless
+        call pack%item(self%massless)
+        call pack%item(self%added)
+        call pack%item(self%last_massless)
+        call pack%item(self%reduction)
+        call pack%item(self%determines_massless)
+        if (allocated(self%massless)) self%n_massless = size(self%massless)
+    end procedure pack_massless
+end submodule tandem_chart_sparse_massless
