@@ -80,6 +80,7 @@ contains
             self%last_massless = 0.0_wp*self%added
             if (.not. any(has_mass) .or. .not. all(given <= huge(1.0_wp))) self%n_massless = 0
         end associate
+        call allocate_work(self)
 
     contains
 
@@ -105,6 +106,18 @@ contains
         end subroutine take
     end procedure find_massless
 
+    !> Allocate the work space of the iteration.
+    subroutine allocate_work(self)
+        class(system_type), intent(inout) :: self
+
+        if (allocated(self%step)) deallocate (self%step, self%direction, self%left, self%moved, self%no_rows, self%more)
+        if (self%n_massless == 0) return
+        associate (n => size(self%scale))
+            allocate (self%step(n), self%direction(n), self%left(n), self%moved(n), self%no_rows(self%m), &
+                self%more(size(self%z)), source=0.0_wp)
+        end associate
+    end subroutine allocate_work
+
     module procedure check_massless
         real(wp), parameter :: rest = 1.0e-6_wp
         real(wp) :: force(size(self%q_point)), no_rows(self%m), x(size(self%q_point))
@@ -127,37 +140,36 @@ contains
         real(wp), parameter :: largest_ratio = 1.0e12_wp
         !> Larger errors that do not decrease are not rounding.
         real(wp), parameter :: largest_rounding = 1.0e-9_wp, slow = 0.3_wp
-        real(wp), dimension(size(x)) :: d, direction, left, moved
-        real(wp) :: no_rows(size(g)), more(size(z))
         real(wp) :: before, curvature, last, product, rest
         integer :: k
 
         stat = status_ok
-        associate (factor => self%factor(self%here), a => self%analysis, mass => self%model%terms%mass)
+        associate (factor => self%factor(self%here), a => self%analysis, mass => self%model%terms%mass, d => self%step, &
+            direction => self%direction, left => self%left, moved => self%moved, more => self%more)
             if (self%n_massless == 0) then
                 call factor%solve(a, .true., f, g, x, z)
                 return
             end if
-            left = f
-            if (is_acceleration) left(self%massless) = left(self%massless) + self%added*self%last_massless
+            left(:) = f
+            if (is_acceleration) call add_guess()
             call factor%solve(a, .true., left, g, x, z)
-            no_rows = 0.0_wp
-            direction = 0.0_wp
+            self%no_rows(:) = 0.0_wp
+            direction(:) = 0.0_wp
             before = 1.0_wp
             last = 0.0_wp
             do k = 1, most
                 call factor%find_unbalanced(a, mass, f, x, z, left)
-                call factor%solve(a, .true., left, no_rows, d, more)
+                call factor%solve(a, .true., left, self%no_rows, d, more)
                 z(:) = z + more
                 product = dot_product(left, d)
                 ! Zero, or rounding.
                 if (.not. product > 0.0_wp) exit
-                direction = d + merge(product/before, 0.0_wp, k > 1)*direction
+                direction(:) = d + merge(product/before, 0.0_wp, k > 1)*direction
                 call self%pattern%multiply_mass(mass, direction, moved)
                 curvature = dot_product(direction, moved)
                 if (.not. curvature*largest_ratio > sum(self%added*direction(self%massless)**2)) stat = status_singular_mass
                 if (stat /= status_ok) exit
-                moved = product/curvature*direction
+                moved(:) = product/curvature*direction
                 x(:) = x + moved
                 rest = largest_part(size(x), moved, x, self%scale, self%rate**2)
                 if (k > 1) self%reduction = min(rest/last, 1.0_wp)
@@ -173,6 +185,19 @@ contains
             ! After a failed evaluation the next point needs another guess.
             self%last_massless(:) = merge(x(self%massless), 0.0_wp, abs(x(self%massless)) <= huge(1.0_wp))
         end associate
+
+    contains
+
+        !> Begin with the last acceleration.
+        subroutine add_guess()
+            integer :: i
+
+            do i = 1, self%n_massless
+                associate (j => self%massless(i))
+                    self%left(j) = self%left(j) + self%added(i)*self%last_massless(i)
+                end associate
+            end do
+        end subroutine add_guess
     end procedure solve_here
 
     module procedure pack_massless
@@ -181,6 +206,8 @@ contains
         call pack%item(self%last_massless)
         call pack%item(self%reduction)
         call pack%item(self%determines_massless)
-        if (allocated(self%massless)) self%n_massless = size(self%massless)
+        if (.not. allocated(self%massless)) return
+        self%n_massless = size(self%massless)
+        call allocate_work(self)
     end procedure pack_massless
 end submodule tandem_chart_sparse_massless

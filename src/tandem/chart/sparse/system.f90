@@ -59,6 +59,8 @@ module tandem_chart_sparse_system
         real(wp), allocatable :: last_massless(:)
         real(wp) :: reduction = 1.0_wp
         real(wp), allocatable :: scale(:)
+        !> Work space of the iteration (n, m and unknowns); allocated if there are such coordinates.
+        real(wp), dimension(:), allocatable, private :: step, direction, left, moved, no_rows, more
         class(model_type), pointer, private :: source => null()
         !> Friction on reactions; true if the forces of the last point contain it.
         type(normal_forces_type) :: normal_forces
