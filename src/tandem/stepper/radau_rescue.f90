@@ -101,11 +101,12 @@ contains
         !> Sweeps that converge reduce the change to at most 0.6 in this number; others only cost matrices.
         integer, parameter :: window = 10
         real(wp), parameter :: least_reduction = 0.7_wp
-        real(wp) :: change, changes(most_sweeps), last_change, stage_change, theta
+        real(wp) :: change, changes(window), earlier, last_change, stage_change, theta
         integer :: i, k, n
 
         n = size(self%increment, 1)
         last_change = huge(1.0_wp)
+        changes = huge(1.0_wp)
         do k = 1, most_sweeps
             self%residual(:n, :) = self%rate(:, 1, :)
             self%residual(n + 1:2*n, :) = self%rate(:, 2, :)
@@ -117,14 +118,13 @@ contains
             end do
             theta = change/last_change
             last_change = max(change, tiny(1.0_wp))
-            changes(k) = change
+            earlier = changes(modulo(k, window) + 1)
+            changes(modulo(k, window) + 1) = change
             if (k == 1) cycle
             if (change <= self%rounding_limit .and. .not. theta < 0.95_wp) exit
             if (theta < 0.95_wp .and. theta*change <= (1.0_wp - theta)*self%tolerance) exit
-            if (k > window) then
-                if (change > least_reduction*changes(k - window)) stat = status_newton_failed
-                if (stat /= status_ok) return
-            end if
+            if (change > least_reduction*earlier) stat = status_newton_failed
+            if (stat /= status_ok) return
         end do
         if (k > most_sweeps) then
             stat = status_newton_failed
