@@ -140,6 +140,8 @@ contains
         real(wp), parameter :: largest_ratio = 1.0e12_wp
         !> Larger errors that do not decrease are not rounding.
         real(wp), parameter :: largest_rounding = 1.0e-9_wp, slow = 0.3_wp
+        !> Rounding error of a step relative to it: the factor loses the digits of the small mass.
+        real(wp), parameter :: rounding = 1.0e-8_wp
         real(wp) :: before, curvature, last, product, rest
         integer :: k
 
@@ -170,9 +172,10 @@ contains
                 if (.not. curvature*largest_ratio > sum(self%added*direction(self%massless)**2)) stat = status_singular_mass
                 if (stat /= status_ok) exit
                 moved(:) = product/curvature*direction
-                x(:) = x + moved
                 rest = largest_part(size(x), moved, x, self%scale, self%rate**2)
-                if (k > 1) self%reduction = min(rest/last, 1.0_wp)
+                if (k > 1) self%reduction = min(max(rest/last, rounding), 1.0_wp)
+                if (k > 1 .and. rest <= rounding*last) exit
+                x(:) = x + moved
                 if (rest*self%reduction <= largest_rest) exit
                 if (k > 1 .and. rest <= largest_rounding .and. rest > slow*last) exit
                 before = product

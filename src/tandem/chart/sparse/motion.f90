@@ -527,8 +527,8 @@ contains
         !> Largest remainder of an acceleration, relative to itself, with the factor of a nearby point. At the end of a step it
         !> equals the rounding error of velocities; at a stage it is at most 1e-3 of the error of `rk4` (measured).
         real(wp), parameter :: rest_at_end = 2.5e-13_wp, rest_at_stage = 1.0e-9_wp
-        !> Largest error of a stage that coordinates without mass cause.
-        real(wp), parameter :: rest_of_massless = 1.0e-11_wp
+        !> Largest error of a stage and at the end of a step that coordinates without mass cause.
+        real(wp), parameter :: massless_at_stage = 1.0e-11_wp, massless_at_end = 2.0e-14_wp
         integer :: pass
         logical :: is_solved
 
@@ -549,8 +549,8 @@ contains
             end if
             associate (here => s%factor(s%here))
                 s%g(:) = -s%model%terms%gamma
-                call s%solve_here(s%model%terms%force, s%g, qdd, s%z, merge(rest_of_massless, rest_at_end, goal%is_stage), &
-                    .true., stat)
+                call s%solve_here(s%model%terms%force, s%g, qdd, s%z, merge(massless_at_stage, massless_at_end, &
+                    goal%is_stage), .true., stat)
                 if (stat /= status_ok) then
                     call self%fail_here(stat)
                     return
