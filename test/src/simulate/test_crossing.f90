@@ -147,7 +147,8 @@ contains
         end do
     end subroutine test_parallelogram
 
-    !> After a thousand turns, angles have rounding errors of 1e-12. Without forces, cranks go on to turn uniformly, twenty more times.
+    !> After a thousand turns, angles have rounding errors of 1e-12. Without forces, cranks go on to turn uniformly, twenty more
+    !> times.
     subroutine test_many_turns(error)
         type(error_type), allocatable, intent(out) :: error
         real(wp), parameter :: start = 6283.0_wp, rate = 8.0_wp, t_end = 16.0_wp
@@ -168,7 +169,7 @@ contains
         if (allocated(error)) return
         call check_true(error, simulation%n_crossings >= 40, 'crossings are recorded')
         if (allocated(error)) return
-        call check_close(error, simulation%state%q(3:3), [start + rate*t_end], 1.0e-8_wp, 'angle at the end')
+        call check_close(error, simulation%state%q(3:3), [start + rate*t_end], 1.0e-8_wp, 'angle')
         if (allocated(error)) return
         call check_below(error, maxval(simulation%crossings(:simulation%n_crossings)%error), 1.0e-8_wp, 'estimated errors')
     end subroutine test_many_turns
