@@ -291,7 +291,7 @@ contains
         end if
         call self%checksums%reopen(self%file, finding)
         if (finding%has_checksums) call set_checksums(self, finding%sums)
-        if (snapshot%scene /= scene) then
+        if (snapshot%scene /= scene .and. self%file%has(drawing_group//'/functions')) then
             ! Functions of time are listed up to the end of the run, which may have changed.
             call self%file%remove(drawing_group)
             call put_drawing(self%file, simulation%model)
