@@ -8,7 +8,7 @@ module tandem_io_output_drawing
     implicit none (type, external)
     private
 
-    public :: put_drawing, write_drawing, drawing_group
+    public :: put_drawing, renew_drawing, write_drawing
 
     character(len=*), parameter :: drawing_group = '/drawing'
 
@@ -37,6 +37,17 @@ contains
         call file%put(drawing_group//'/function', drawing%functions)
         call file%put(drawing_group//'/functions', drawing%samples)
     end subroutine put_drawing
+
+    !> Write the group again if it lists functions of time, up to the end of the run, which may have changed.
+    subroutine renew_drawing(file, model)
+        type(hdf5_type), intent(inout) :: file
+        class(model_type), intent(in) :: model
+
+        if (.not. file%has(drawing_group)) return
+        if (.not. file%has(drawing_group//'/functions')) return
+        call file%remove(drawing_group)
+        call put_drawing(file, model)
+    end subroutine renew_drawing
 
     !> Numbers of the elements: body, position, axis, sizes.
     pure function table_of(drawing) result(table)

@@ -11,7 +11,7 @@ module tandem_io_output_trajectory
     use tandem_io_output_checkpoint, only: checkpoint_type, snapshot_type
     use tandem_io_output_checksums, only: checksums_type, examine, finding_type
     use tandem_io_output_crossings, only: write_crossings
-    use tandem_io_output_drawing, only: drawing_group, put_drawing
+    use tandem_io_output_drawing, only: put_drawing, renew_drawing
     use tandem_io_output_events, only: event_output_type, event_paths
     use tandem_io_output_fields, only: field_kinetic_energy, field_potential_energy, field_q, field_qd, fields, index_of, &
         output_type
@@ -291,11 +291,7 @@ contains
         end if
         call self%checksums%reopen(self%file, finding)
         if (finding%has_checksums) call set_checksums(self, finding%sums)
-        if (snapshot%scene /= scene .and. self%file%has(drawing_group//'/functions')) then
-            ! Functions of time are listed up to the end of the run, which may have changed.
-            call self%file%remove(drawing_group)
-            call put_drawing(self%file, simulation%model)
-        end if
+        if (snapshot%scene /= scene) call renew_drawing(self%file, simulation%model)
         call self%file%start_appending(self%path)
         call self%file%attach('/', 'status', 'running')
         ! The last written checksums include the rows that are removed below, and must be replaced first.
