@@ -151,8 +151,8 @@ contains
         !> True if no more distant state gives a smaller error, so that a nearer one may give a smaller one.
         logical, intent(out) :: is_nearest
         integer, parameter :: most_tries = 8
-        !> A state that is not that much further away is left out; beyond this part of the best independence errors of states are
-        !> negligible, and the nearest state is the best.
+        !> A state that is not that much further away is left out, and so are all beyond this part of the best independence but the
+        !> nearest state.
         real(wp), parameter :: further = 1.9_wp, far = 0.5_wp
         !> Times between states, relative to half the time from the base to the end. States further apart magnify their errors less,
         !> states close together leave a smaller error of the polynomial.

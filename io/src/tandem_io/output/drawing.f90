@@ -1,16 +1,16 @@
 ! SPDX-License-Identifier: MIT
 !> Writes the geometry of a mechanism for viewers: the group /drawing (see doc/output.md).
 module tandem_io_output_drawing
-    use tandem, only: drawing_type, error_type, long, mechanism_type, model_type, set_error, take_drawing, wp
+    use tandem, only: drawing_type, error_type, mechanism_type, model_type, set_error, take_drawing, wp
     use tandem_io_output_hdf5, only: hdf5_type
-    use tandem_io_version, only: format_version, tandem_version
+    use tandem_io_output_study_head, only: create_study
     use tandem_status, only: status_output_failed
     implicit none (type, external)
     private
 
     public :: put_drawing, renew_drawing, write_drawing
 
-    character(len=*), parameter :: drawing_group = '/drawing'
+    character(len=*), parameter :: drawing_group = '/drawing', samples_path = drawing_group//'/functions'
 
 contains
 
@@ -35,18 +35,24 @@ contains
         call file%put(drawing_group//'/elements', table_of(drawing))
         if (size(drawing%functions) == 0) return
         call file%put(drawing_group//'/function', drawing%functions)
-        call file%put(drawing_group//'/functions', drawing%samples)
+        call file%put(samples_path, drawing%samples)
     end subroutine put_drawing
 
-    !> Write the group again if it lists functions of time, up to the end of the run, which may have changed.
+    !> Replace the values of functions of time, which are listed up to the end of the run: it may have changed.
     subroutine renew_drawing(file, model)
         type(hdf5_type), intent(inout) :: file
         class(model_type), intent(in) :: model
+        type(drawing_type) :: drawing
 
         if (.not. file%has(drawing_group)) return
-        if (.not. file%has(drawing_group//'/functions')) return
-        call file%remove(drawing_group)
-        call put_drawing(file, model)
+        if (.not. file%has(samples_path)) return
+        select type (model)
+        class is (mechanism_type)
+            call take_drawing(model, drawing)
+            call file%put(samples_path, drawing%samples)
+        class default
+            return
+        end select
     end subroutine renew_drawing
 
     !> Numbers of the elements: body, position, axis, sizes.
@@ -71,11 +77,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(hdf5_type) :: file
 
-        call file%create(path)
-        call file%attach('/', 'format_version', int(format_version, long))
-        call file%attach('/', 'tandem_version', tandem_version)
-        call file%attach('/', 'study', 'drawing')
-        call file%attach('/', 'scene', scene)
+        call create_study(file, path, 'drawing', scene)
         call put_drawing(file, model)
         call file%close()
         if (allocated(file%problem)) call set_error(error, status_output_failed, path//': '//file%problem)

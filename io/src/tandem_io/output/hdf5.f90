@@ -350,7 +350,7 @@ module tandem_io_output_hdf5
             real(wp), intent(in) :: values(:)
         end subroutine put_reals
 
-        !> Create a dataset from a matrix, in row-major order.
+        !> Create a dataset from a matrix, in row-major order, or replace the values of one of equal size.
         module subroutine put_matrix(self, path, values)
             implicit none (type, external)
             class(hdf5_type), intent(inout) :: self

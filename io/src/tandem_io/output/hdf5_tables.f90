@@ -2,7 +2,7 @@
 !> Datasets that are written or read in a single call.
 submodule(tandem_io_output_hdf5) tandem_io_output_hdf5_tables
     use hdf5, only: h5_integer_kind, h5dopen_f, h5dread_f, h5f_acc_rdonly_f, h5kind_to_type, h5lcreate_hard_f, h5lexists_f, &
-        h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f
+        h5sget_simple_extent_dims_f, h5sget_simple_extent_ndims_f, h5sget_simple_extent_npoints_f
     use tandem_io_output_hdf5_texts, only: make_text_type, set_letters
     implicit none (type, external)
 
@@ -24,10 +24,42 @@ contains
 
     module procedure put_matrix
         real(wp), target :: copy(size(values, 2), size(values, 1))
+        integer :: stat
+        logical :: exists
 
+        if (allocated(self%problem)) return
         copy = transpose(values)
-        call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), shape(copy))
+        call h5lexists_f(self%file, path, exists, stat)
+        if (exists) then
+            call replace_reals(self, path, copy)
+        else
+            call put_values(self, path, h5t_ieee_f64le, h5t_native_double, c_loc(copy), shape(copy))
+        end if
     end procedure put_matrix
+
+    !> Replace all values of a dataset.
+    subroutine replace_reals(self, path, values)
+        class(hdf5_type), intent(inout) :: self
+        character(len=*), intent(in) :: path
+        real(wp), intent(in), target, contiguous :: values(:, :)
+        integer(hid_t) :: dataset, space
+        integer(hsize_t) :: n
+        integer :: stat
+
+        call h5dopen_f(self%file, path, dataset, stat)
+        call self%check(stat, 'find '//path)
+        if (stat /= 0) return
+        call h5dget_space_f(dataset, space, stat)
+        call h5sget_simple_extent_npoints_f(space, n, stat)
+        call h5sclose_f(space, stat)
+        if (n == size(values)) then
+            call h5dwrite_f(dataset, h5t_native_double, c_loc(values), stat)
+            call self%check(stat, 'write '//path)
+        else
+            self%problem = path//' has another size'
+        end if
+        call h5dclose_f(dataset, stat)
+    end subroutine replace_reals
 
     module procedure put_strings
         character(kind=c_char), allocatable, target :: letters(:)

@@ -6,7 +6,7 @@ module tandem_io_output_linearisation
     use tandem_io_output_drawing, only: put_drawing
     use tandem_io_output_hdf5, only: hdf5_type
     use tandem_io_output_modes, only: put_body_motions
-    use tandem_io_version, only: format_version, tandem_version
+    use tandem_io_output_study_head, only: create_study
     use tandem_status, only: status_output_failed
     implicit none (type, external)
     private
@@ -28,11 +28,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         type(hdf5_type) :: file
 
-        call file%create(path)
-        call file%attach('/', 'format_version', int(format_version, long))
-        call file%attach('/', 'tandem_version', tandem_version)
-        call file%attach('/', 'study', 'linearisation')
-        call file%attach('/', 'scene', scene)
+        call create_study(file, path, 'linearisation', scene)
         call file%add_group(group)
         call file%attach(group, 'kind', trim(kind_name(it%kind)))
         call file%attach(group, 'time', it%t)
@@ -69,11 +65,7 @@ contains
         character(len=label_length) :: names(size(it%q))
         integer :: i
 
-        call file%create(path)
-        call file%attach('/', 'format_version', int(format_version, long))
-        call file%attach('/', 'tandem_version', tandem_version)
-        call file%attach('/', 'study', 'linearisation')
-        call file%attach('/', 'scene', scene)
+        call create_study(file, path, 'linearisation', scene)
         call file%add_group(group)
         call file%attach(group, 'kind', trim(merge('steady motion', 'equilibrium  ', it%frame%moves)))
         call file%attach(group, 'time', it%t)

@@ -123,7 +123,8 @@ contains
         real(wp) :: force(size(self%q_point)), no_rows(self%m), x(size(self%q_point))
         integer :: i
 
-        if (self%n_massless == 0 .or. self%determines_massless) return
+        self%determines_massless = self%n_massless == 0
+        if (self%determines_massless) return
         ! Forces in no particular direction.
         force = 0.0_wp
         no_rows = 0.0_wp

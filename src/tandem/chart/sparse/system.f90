@@ -326,7 +326,7 @@ contains
             end if
             if (stat == status_ok) call factor%factorize(self%analysis, .false., stat)
         end associate
-        if (stat == status_ok) call self%check_massless(stat)
+        if (stat == status_ok .and. .not. self%determines_massless) call self%check_massless(stat)
         counts%constraint_factorizations = counts%constraint_factorizations + min(self%m, 1)
         counts%mass_factorizations = counts%mass_factorizations + 1
         if (stat /= status_ok) call self%name_infinite(stat)
@@ -423,7 +423,7 @@ contains
                 self%factor(i)%leaves_out = any(factor%is_out)
             end do
         end associate
-        call self%check_massless(stat)
+        if (.not. self%determines_massless) call self%check_massless(stat)
     end subroutine choose_rows
 
     !> Evaluate also gamma and the forces at (t, q, qd), unless it was the last point.
