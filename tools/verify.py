@@ -6,12 +6,13 @@ Usage: tools/verify.py [PART...]        without a name, the parts of `make test`
        tools/verify.py --all            all parts, as `make test-all`
        tools/verify.py --list           their names, with the minutes that each takes on two idle cores
 
-Each part is a command and a reader that counts the tests in its output. A part that fails does not keep the later ones
-from running. A part whose command fails, hangs, or runs no test counts as a failure. The limits of parts are limits of
+Each part is a command and a reader that counts the tests in its output. Two parts run at the same time where there are two
+cores: tests use one core each, and builds wait for single long files. A part that fails does not keep the later ones from running. A part whose command fails, hangs, or runs no test counts as a failure. The limits of parts are limits of
 processor time, so that a busy machine does not turn them red; a part that uses no processor for a quarter of its limit is
 stopped too. The output of a part is in build/verify/PART.log. The exit code is 1 if anything failed.
 """
 
+import concurrent.futures
 import contextlib
 import os
 import re
@@ -32,7 +33,9 @@ PYTHON = str(ROOT / ".venv" / "bin" / "python")
 FORTITUDE = str(ROOT / ".venv" / "bin" / "fortitude")
 
 SOURCES = ["src", "io/src", "cli/src", "app", "test", "example"]
-STRICT_FLAGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument -Wtrampolines -Werror=trampolines"
+WARNINGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument -Wtrampolines -Werror=trampolines"
+# One build serves the warnings and the checks at run time.
+STRICT_FLAGS = f"{WARNINGS} -g -fPIC -fcheck=bounds -fcheck=array-temps -fbacktrace -fcoarray=single"
 ARCH = os.environ.get("ARCH", "-march=native")
 
 
@@ -216,14 +219,16 @@ def own_sources():
 
 
 def copy_sources():
-    """Copy the project to a new place: the compiler warns only about files that it compiles."""
+    """Copy the project, with what its tests read, to a new place: the compiler warns only about files that it compiles."""
     shutil.rmtree(STRICT, ignore_errors=True)
     STRICT.mkdir(parents=True)
     shutil.copy(ROOT / "fpm.toml", STRICT)
-    for folder in ("src", "io", "cli", "app", "test", "example"):
+    for folder in ("src", "io", "cli", "app", "test", "example", "scenes", "doc"):
         if (ROOT / folder).exists():
             shutil.copytree(ROOT / folder, STRICT / folder, symlinks=True, ignore=shutil.ignore_patterns("build"))
     shutil.copytree(ROOT / "build" / "dependencies", STRICT / "build" / "dependencies", symlinks=True)
+    # Without its cache, fpm would name paths differently in the first build and compile everything twice.
+    shutil.copy(ROOT / "build" / "cache.toml", STRICT / "build")
 
 
 # --- the parts, in their order ----------------------------------------------------------------------------------------
@@ -242,6 +247,8 @@ class Part:
     expected: float = 0.2
     # Another part that must run before, even if it was not requested.
     needs: str = ""
+    # The project whose builds by fpm it runs: one part at a time may do that.
+    builds: str = ""
     # Excluded from `make test`, because it takes long or needs large packages.
     long: bool = False
 
@@ -253,32 +260,44 @@ PARTS = [
         compiler,
         copy_sources,
         STRICT,
-        expected=1.8,
+        expected=2.4,
+        builds="copy",
     ),
-    Part("bench", ["tools/check_bench.py", str(STRICT), STRICT_FLAGS], ok_lines, needs="strict", expected=0.2),
-    Part("build", ["make", "--no-print-directory", "build"], one_test, expected=1.2),
-    Part("fast", [FPM, "test", *flags("fast")], test_drive, expected=4),
-    Part("debug", [FPM, "test", "--profile", "debug"], test_drive_checked, expected=6.5),
+    Part("build", ["make", "--no-print-directory", "build"], one_test, expected=2.4, builds="project"),
+    Part(
+        "debug",
+        [FPM, "test", "--no-prune", "--flag", STRICT_FLAGS],
+        test_drive_checked,
+        folder=STRICT,
+        expected=6.5,
+        needs="strict",
+        builds="copy",
+    ),
+    Part("fast", [FPM, "test", *flags("fast")], test_drive, expected=5, builds="project"),
+    Part("install", ["tools/check_install.sh"], ok_lines, needs="build", expected=6),
+    Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build", expected=3.5),
+    Part("package", ["tools/check_package.sh"], unittest_text, needs="build", expected=3.5),
+    Part("examples", ["tools/check_examples.sh"], ok_lines, expected=3, builds="project"),
     Part(
         "fuzz",
-        [FPM, "test", "tandem-fuzz", "--profile", "debug", "--runner", "test/fuzz/fuzz.py"],
+        [FPM, "test", "tandem-fuzz", "--no-prune", "--flag", STRICT_FLAGS, "--runner", str(ROOT / "test" / "fuzz" / "fuzz.py")],
         ok_lines,
+        folder=STRICT,
         minutes=10,
         expected=2,
+        needs="strict",
+        builds="copy",
     ),
+    Part("bench", ["tools/check_bench.py", str(STRICT), STRICT_FLAGS], ok_lines, needs="strict", expected=0.2),
+    Part("frozen", [PYTHON, "test/frozen/frozen.py"], ok_lines, needs="build", expected=0.2),
     Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench", "mpi"], linter),
     Part("lengths", ["tools/check_lengths.py"], ok_lines),
-    Part("python", [PYTHON, "-m", "unittest", "discover", "-v", "-s", "test/python"], unittest_text, needs="build", expected=3.5),
-    Part("optimised", [FPM, "test", *flags("optimised")], test_drive, long=True, expected=8),
+    Part("docs", ["python3", "tools/docs.py"], ok_lines, expected=0.3),
+    Part("optimised", [FPM, "test", *flags("optimised")], test_drive, long=True, expected=8, builds="project"),
     Part("mpi", ["tools/check_mpi.sh"], unittest_text, long=True, expected=10),
-    Part("frozen", [PYTHON, "test/frozen/frozen.py"], ok_lines, needs="build", expected=0.2),
-    Part("package", ["tools/check_package.sh"], unittest_text, needs="build", expected=3.5),
     Part("page", ["tools/check_package.sh", "page"], unittest_text, needs="build", long=True, expected=5),
-    Part("examples", ["tools/check_examples.sh"], ok_lines, expected=3),
-    Part("install", ["tools/check_install.sh"], ok_lines, needs="build", expected=6),
     Part("wheel", ["tools/check_wheel.sh"], unittest_text, long=True, expected=14),
     Part("dist", ["tools/check_dist.sh"], ok_lines, long=True, expected=2),
-    Part("docs", ["python3", "tools/docs.py"], ok_lines, expected=0.3),
 ]
 
 
@@ -307,8 +326,8 @@ def processor_time(session):
     return total / os.sysconf("SC_CLK_TCK")
 
 
-def run(part):
-    """Run one part: its Count, after the rules that hold for all of them."""
+def run(part, stopping):
+    """Run one part, unless the event `stopping` ends it: its Count, after the rules that hold for all of them."""
     LOGS.mkdir(parents=True, exist_ok=True)
     last = []
     hung, ended = threading.Event(), threading.Event()
@@ -346,11 +365,11 @@ def run(part):
     def watch():
         """Stop the part at its limit."""
         used, since = 0.0, time.monotonic()
-        while not ended.wait(min(5, 6 * part.minutes)):
+        while not ended.wait(min(2, 6 * part.minutes)):
             now = processor_time(process.pid)
             if now > used + 0.1:
                 used, since = now, time.monotonic()
-            if now > 60 * part.minutes or time.monotonic() - since > 15 * part.minutes:
+            if stopping.is_set() or now > 60 * part.minutes or time.monotonic() - since > 15 * part.minutes:
                 stop()
 
     threading.Thread(target=watch, daemon=True).start()
@@ -381,6 +400,28 @@ def run(part):
     return count
 
 
+def results(parts, lanes):
+    """Run parts, as many at a time as there are lanes; yields each with its Count and its seconds when it ends."""
+    waiting, running = list(parts), {}
+    stopping = threading.Event()
+    with concurrent.futures.ThreadPoolExecutor(lanes) as pool, contextlib.ExitStack() as at_end:
+        # An interrupted caller leaves no process behind.
+        at_end.callback(stopping.set)
+        while waiting or running:
+            busy = {part.builds for part, _ in running.values()}
+            missing = {part.name for part in waiting} | {part.name for part, _ in running.values()}
+            free = (part for part in waiting if part.needs not in missing and not (part.builds and part.builds in busy))
+            part = next(free, None) if len(running) < lanes else None
+            if part:
+                waiting.remove(part)
+                running[pool.submit(run, part, stopping)] = part, time.monotonic()
+                continue
+            ended, _ = concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED)
+            for future in ended:
+                part, start = running.pop(future)
+                yield part, future.result(), time.monotonic() - start
+
+
 def main(names):
     known = [part.name for part in PARTS]
     if names == ["--list"]:
@@ -396,13 +437,11 @@ def main(names):
     total = Count()
     chosen = {*names, *(part.needs for part in PARTS if part.name in names)}
     parts = [part for part in PARTS if (part.name in chosen if names else everything or not part.long)]
-    print(f"{len(parts)} parts; about {sum(part.expected for part in parts):.0f} minutes on two idle cores", flush=True)
-    for number, part in enumerate(parts, 1):
-        print(f"{number:2}/{len(parts)} {part.name:10}", end="", flush=True)
-        start = time.monotonic()
-        count = run(part)
+    lanes = min(2, len(os.sched_getaffinity(0)))
+    print(f"{len(parts)} parts; about {sum(part.expected for part in parts) / 2:.0f} minutes on two idle cores", flush=True)
+    for number, (part, count, seconds) in enumerate(results(parts, lanes), 1):
         skipped = f", {count.skipped} skipped" if count.skipped else ""
-        print(f"{count.passed:5} passed, {count.failed} failed{skipped}  ({time.monotonic() - start:.1f} s)")
+        print(f"{number:2}/{len(parts)} {part.name:10}{count.passed:5} passed, {count.failed} failed{skipped}  ({seconds:.1f} s)", flush=True)
         if count.failed:
             for note in count.notes[:80]:
                 print(f"    {note}")
