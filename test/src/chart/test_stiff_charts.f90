@@ -261,7 +261,7 @@ contains
         end do
     end subroutine test_trials
 
-    !> Explicit steppers on pendulums of frequency ratios from 10 to 1000: the recommended stepper is faster, measured.
+    !> Explicit steppers on pendulums of frequency ratios from 10 to 1000: the recommended stepper takes less work, counted.
     subroutine test_advice(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=6), parameter :: explicit(2) = ['dopri5', 'dop853']
@@ -269,6 +269,8 @@ contains
         type(simulation_type) :: simulation
         type(statistics_type) :: statistics, advised
         type(options_type) :: options
+        !> Cost of an evaluation of an implicit run in evaluations of an explicit one: measured 2.4 to 3.0.
+        real(wp), parameter :: of_implicit = 4.0_wp
         integer :: i, j, k, n_advised
 
         n_advised = 0
@@ -284,7 +286,8 @@ contains
                     options%stepper = statistics%advised
                     call move_slowly(options, ratios(i), .true., .true., simulation, advised, error)
                     if (allocated(error)) return
-                    call check_below(error, advised%cpu_seconds, statistics%cpu_seconds, 'seconds on the pendulum')
+                    call check_below(error, of_implicit*real(advised%right_hand_sides, wp), real(statistics%right_hand_sides, wp), &
+                        'counted work on the pendulum')
                     if (allocated(error)) return
                 end do
             end do
