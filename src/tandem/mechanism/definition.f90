@@ -448,7 +448,8 @@ contains
         character(len=*), intent(in) :: label, text
         integer, intent(out) :: number
         type(error_type), allocatable, intent(inout) :: error
-        integer :: k, dot, type_of, turn, way
+        character(len=:), allocatable :: known
+        integer :: i, k, dot, type_of, turn, way
 
         number = 0
         dot = index(text, '.')
@@ -480,8 +481,22 @@ contains
         else if (dot > len_trim(text)) then
             number = max(turn, way)
         end if
-        if (number == 0) call refuse(label//': '//trim(sort_of(type_of))//' '//text(:dot - 1)// &
-            ' has no coordinate', 'name a joint that rotates or slides, and its .angle or .displacement', error)
+        if (number > 0) return
+        known = ''
+        if (turn > 0) known = known//' or '//text(:dot - 1)//'.angle'
+        if (way > 0) known = known//' or '//text(:dot - 1)//'.displacement'
+        if (type_of == of_joint) then
+            do i = 1, 3
+                if (self%joints(k)%angles(i) > 0) known = known//' or '//text(:dot - 1)//'.angle'//'123'(i:i)
+            end do
+        end if
+        if (known == '') then
+            call refuse(label//': '//trim(sort_of(type_of))//' '//text(:dot - 1)// &
+                ' has no coordinate', 'name a joint that rotates or slides, and its .angle or .displacement', error)
+        else
+            call refuse(trim(label//': '//trim(sort_of(type_of))//' '//text(:dot - 1)//' has no coordinate '//text(dot + 1:)), &
+                'name'//known(4:), error)
+        end if
     end subroutine find_coordinate
 
     !> Sort of an element that may have a coordinate.

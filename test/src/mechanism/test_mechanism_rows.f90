@@ -520,6 +520,8 @@ contains
         call check_no_failure(error, failure)
         call mechanism%add_coupling('gear', ['pin ', 'ball'], [1.0_wp, 1.0_wp], failure)
         call expect('coupling gear: the joint ball has no coordinate')
+        call mechanism%add_coupling('gear', ['pin.way'], [1.0_wp], failure)
+        call expect('coupling gear: the joint pin has no coordinate way; name pin.angle')
         call mechanism%add_coupling('gear', ['pin ', 'pen '], [1.0_wp, 1.0_wp], failure)
         call expect('coupling gear: there is no joint pen')
         call mechanism%add_coupling('gear', ['pin'], [0.0_wp], failure)
