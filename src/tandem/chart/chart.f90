@@ -169,7 +169,7 @@ module tandem_chart
         end subroutine accelerate_interface
 
         !> Bring a point beside the manifold onto it, in directions of the point itself, so that a singular chart does not matter.
-        subroutine project_interface(self, t, q, qd, moves_q, stat)
+        subroutine project_interface(self, t, q, qd, moves_q, exactly, stat)
             import :: chart_type, wp
             implicit none (type, external)
             class(chart_type), intent(inout) :: self
@@ -179,6 +179,8 @@ module tandem_chart
             !> False if q satisfies the constraints: qd becomes the nearest velocity in the mass metric that satisfies C qd = nu, as
             !> after an impact-free jump of nu.
             logical, intent(in) :: moves_q
+            !> True to correct q until rounding prevents it: errors of Phi are magnified where C is nearly of lower rank.
+            logical, intent(in) :: exactly
             integer, intent(out) :: stat
         end subroutine project_interface
 
@@ -292,15 +294,20 @@ contains
     end subroutine accelerate
 
     !> Bring a point onto the manifold.
-    subroutine project(self, t, q, qd, moves_q, stat)
+    subroutine project(self, t, q, qd, moves_q, stat, exactly)
         class(chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(self%n), qd(self%n)
         logical, intent(in) :: moves_q
         integer, intent(out) :: stat
+        !> False by default.
+        logical, intent(in), optional :: exactly
+        logical :: to_rounding
 
+        to_rounding = .false.
+        if (present(exactly)) to_rounding = exactly
         if (associated(self%timer)) call self%timer%begin_operation(merge(of_position, of_projection, moves_q))
-        call self%do_project(t, q, qd, moves_q, stat)
+        call self%do_project(t, q, qd, moves_q, to_rounding, stat)
         if (associated(self%timer)) call self%timer%end_operation()
     end subroutine project
 

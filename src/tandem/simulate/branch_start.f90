@@ -133,7 +133,7 @@ contains
                     t_node = t + nodes(i)*h
                     call crossing%curve%evaluate(t_node, there%q, there%qd, there%qdd)
                     call trial%begin(t_node, there%q, there%qd)
-                    call self%chart%project(t_node, trial%q, trial%qd, .true., stat)
+                    call self%chart%project(t_node, trial%q, trial%qd, .true., stat, exactly=.true.)
                     if (stat == status_ok) call self%chart%accelerate(t_node, trial%q, trial%qd, step_end, trial%qdd, stat)
                     if (stat /= status_ok) return
                     there%dq(:) = trial%q - there%q

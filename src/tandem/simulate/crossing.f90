@@ -34,6 +34,7 @@ contains
             call locate(self, 1, reach, is_loss)
             if (.not. is_loss .and. self%lost_rank%is_close(self%chart)) call locate(self, 2, reach, is_loss)
             if (is_loss) then
+                call refine(self)
                 call choose_base(self, stop_at, base, is_nearest)
                 if (base > 0) then
                     call compare(self, is_nearest)
@@ -56,6 +57,28 @@ contains
             call crossing%predicted%allocate(n)
         end associate
     end subroutine prepare
+
+    !> Correct recent states near the configuration once more: the constraint errors that are left in the direction in which the
+    !> branches separate grow with the inverse of the independence in q, with its square in qd and with its cube in qdd.
+    subroutine refine(self)
+        class(simulation_type), intent(inout) :: self
+        !> Part of the best independence up to which states are corrected.
+        real(wp), parameter :: near = 0.3_wp
+        integer :: i, stat
+
+        associate (crossing => self%crossing, recent => self%crossing%recent)
+            do i = 1, recent%n
+                if (crossing%rate*(crossing%record%t - recent%t(i)) > near*self%chart%best_independence) exit
+                if (recent%is_exact(i)) cycle
+                call recent%get(i, crossing%values)
+                associate (q => crossing%values(:, 1), qd => crossing%values(:, 2), qdd => crossing%values(:, 3))
+                    call self%chart%project(recent%t(i), q, qd, .true., stat, exactly=.true.)
+                    if (stat == status_ok) call self%chart%accelerate(recent%t(i), q, qd, step_end, qdd, stat)
+                end associate
+                if (stat == status_ok) call recent%correct(i, crossing%values)
+            end do
+        end associate
+    end subroutine refine
 
     !> Let a polynomial pass through recent states from one on, at least some time apart, as many as possible.
     subroutine pass_through(self, first, gap, n_nodes)
@@ -294,7 +317,7 @@ contains
                     call crossing%curve%add_acceleration(state%t, state%qdd)
                     call crossing%curve%evaluate(state%t, state%q, state%qd, state%qdd)
                 end if
-                call self%chart%project(state%t, state%q, state%qd, .true., stat)
+                call self%chart%project(state%t, state%q, state%qd, .true., stat, exactly=.true.)
                 if (stat == status_ok) call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
                 if (stat /= status_ok) then
                     crossing%obstacle = 'the constraints permit no motion behind it'
@@ -316,7 +339,7 @@ contains
             call note_spread(self)
             predicted%q(:) = state%q + predicted%dq
             predicted%qd(:) = state%qd + predicted%dqd
-            call self%chart%project(state%t, predicted%q, predicted%qd, .true., stat)
+            call self%chart%project(state%t, predicted%q, predicted%qd, .true., stat, exactly=.true.)
             if (stat /= status_ok) return
             predicted%dq(:) = predicted%q - state%q
             predicted%dqd(:) = predicted%qd - state%qd
@@ -379,6 +402,8 @@ contains
         !> True if errors of states limit the error: nearer states do not reduce it.
         logical, intent(in) :: is_limited
         logical, intent(out) :: is_accepted
+        !> Error of the states due to the steps between them, in tolerances.
+        real(wp), parameter :: of_steps = 0.3_wp
         real(wp) :: moved, errors(3), norm
         type(measure_type) :: measure
         integer :: i, rows(3), stat
@@ -417,6 +442,8 @@ contains
             if (.not. stays_near(self)) return
             call self%chart%find_errors(state%t, state%q, state%qd, state%qdd, errors, rows, stat)
             is_accepted = stat == status_ok .and. maxval(errors) <= self%options%constraint_tolerance
+            ! The states lie on neighbouring motions, which differ by the errors of the steps between them.
+            if (self%options%is_adaptive()) record%error = max(record%error, of_steps*self%options%relative_tolerance())
             if (is_accepted) crossing%obstacle = ''
         end associate
     end subroutine judge
@@ -439,7 +466,7 @@ contains
                     0.1_wp*(crossing%trial%t - crossing%record%t))
                 call crossing%curve%evaluate(t, there%q, there%qd, there%qdd)
                 there%dq(:) = there%q
-                call self%chart%project(t, there%q, there%qd, .true., stat)
+                call self%chart%project(t, there%q, there%qd, .true., stat, exactly=.true.)
                 if (stat /= status_ok) exit
                 there%dq(:) = there%q - there%dq
                 there%dqd(:) = 0.0_wp
@@ -490,7 +517,7 @@ contains
             call crossing%curve%evaluate(t, state%q, state%qd, state%qdd)
             stat = status_ok
             if (abs(t - record%t) < near*(record%t_to - record%t_from)) return
-            call self%chart%project(t, state%q, state%qd, .true., stat)
+            call self%chart%project(t, state%q, state%qd, .true., stat, exactly=.true.)
             if (stat == status_ok) call self%chart%accelerate(t, state%q, state%qd, step_end, state%qdd, stat)
         end associate
     end procedure look_into_crossing
@@ -512,7 +539,7 @@ contains
             call prepare(self)
             trial%t = record%t_to
             call crossing%curve%evaluate(trial%t, trial%q, trial%qd, trial%qdd)
-            call self%chart%project(trial%t, trial%q, trial%qd, .true., stat)
+            call self%chart%project(trial%t, trial%q, trial%qd, .true., stat, exactly=.true.)
             if (stat == status_ok) call self%chart%accelerate(trial%t, trial%q, trial%qd, step_end, trial%qdd, stat)
             if (stat /= status_ok) then
                 call self%fail(stat, 'in the first step, from a singular configuration', error)

@@ -22,8 +22,10 @@ module tandem_simulate_recent_states
         integer, allocatable, private :: place(:)
         !> Coordinates, velocities and accelerations (n, 3, most).
         real(wp), allocatable, private :: values(:, :, :)
+        !> True for each place whose state was corrected.
+        logical, private :: exact(most) = .false.
     contains
-        procedure :: initialize, forget, is_full, note, get, pack_state
+        procedure :: initialize, forget, is_full, note, get, is_exact, correct, pack_state
     end type recent_states_type
 
 contains
@@ -89,6 +91,7 @@ contains
         end do
         self%t(1) = state%t
         self%place(1) = k
+        self%exact(k) = .false.
         do i = 1, size(state%q)
             self%values(i, 1, k) = state%q(i)
             self%values(i, 2, k) = state%qd(i)
@@ -106,14 +109,37 @@ contains
         values(:, :) = self%values(:, :, self%place(i))
     end subroutine get
 
+    !> True if the i-th last state was corrected.
+    pure logical function is_exact(self, i)
+        class(recent_states_type), intent(in) :: self
+        integer, intent(in) :: i
+
+        is_exact = self%exact(self%place(i))
+    end function is_exact
+
+    !> Replace the i-th last state by one with smaller errors.
+    pure subroutine correct(self, i, values)
+        class(recent_states_type), intent(inout) :: self
+        integer, intent(in) :: i
+        !> Coordinates, velocities and accelerations (n, 3).
+        real(wp), intent(in) :: values(:, :)
+
+        self%values(:, :, self%place(i)) = values
+        self%exact(self%place(i)) = .true.
+    end subroutine correct
+
     !> All components.
     subroutine pack_state(self, pack)
         class(recent_states_type), intent(inout) :: self
         type(pack_type), intent(inout) :: pack
+        integer :: k
 
         call pack%item(self%n)
         call pack%item(self%t)
         call pack%item(self%place)
         call pack%item(self%values)
+        do k = 1, most
+            call pack%item(self%exact(k))
+        end do
     end subroutine pack_state
 end module tandem_simulate_recent_states

@@ -171,7 +171,7 @@ contains
         if (allocated(error)) return
         call check_close(error, simulation%state%q(3:3), [start + rate*t_end], 1.0e-8_wp, 'angle')
         if (allocated(error)) return
-        call check_below(error, maxval(simulation%crossings(:simulation%n_crossings)%error), 1.0e-8_wp, 'estimated errors')
+        call check_below(error, maxval(simulation%crossings(:simulation%n_crossings)%error), 1.0e-9_wp, 'estimated errors')
     end subroutine test_many_turns
 
     !> The benchmark of the IFToMM over 10 s, with both charts: ten crossings, in which n ranks are lost at once.

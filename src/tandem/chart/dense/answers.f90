@@ -47,7 +47,7 @@ contains
 
     module procedure do_project
         if (moves_q) then
-            call restore_near(self, t, q, qd, stat)
+            call restore_near(self, t, exactly, q, qd, stat)
         else
             call project_velocity(self, t, q, qd, stat)
         end if
@@ -74,15 +74,17 @@ contains
 
     !> Bring a point beside the manifold onto it: q := q - R (Phi, 0) until Phi = 0 and qd := qd - R (C qd - nu), with the R of the
     !> point itself. Newton's iteration, but C is reused while Phi falls fast.
-    subroutine restore_near(self, t, q, qd, stat)
+    subroutine restore_near(self, t, exactly, q, qd, stat)
         class(dense_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
+        logical, intent(in) :: exactly
         real(wp), intent(inout) :: q(self%n), qd(self%n)
         integer, intent(out) :: stat
         !> From an error of the size of the coordinates a few corrections suffice; an iteration that takes more diverges.
         integer, parameter :: most = 30
         real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
         real(wp) :: error, last_error
+        logical :: is_at_rounding
         integer :: k, pass
 
         self%failure%row = 0
@@ -99,9 +101,10 @@ contains
                 call self%name_infinite(stat)
                 return
             end if
-            if (self%position%is_restored(error)) exit
-            ! Rounding prevents further convergence; the point is near enough.
-            if (error <= self%tolerance .and. error > slow*last_error) exit
+            is_at_rounding = error >= slow*last_error
+            if (self%position%is_restored(error) .and. (is_at_rounding .or. .not. exactly)) exit
+            ! The point is near enough.
+            if (error <= self%tolerance .and. is_at_rounding) exit
             if (k == most) then
                 stat = status_position_diverged
                 call self%blame(self%position%failed_row, error)

@@ -273,12 +273,12 @@ module tandem_chart_dense
         end subroutine do_accelerate
 
         !> Bring a point beside the manifold onto it, by C there.
-        module subroutine do_project(self, t, q, qd, moves_q, stat)
+        module subroutine do_project(self, t, q, qd, moves_q, exactly, stat)
             implicit none (type, external)
             class(dense_chart_type), intent(inout) :: self
             real(wp), intent(in) :: t
             real(wp), intent(inout) :: q(self%n), qd(self%n)
-            logical, intent(in) :: moves_q
+            logical, intent(in) :: moves_q, exactly
             integer, intent(out) :: stat
         end subroutine do_project
 

@@ -83,12 +83,14 @@ module tandem_chart_sparse_motion
 
     interface
         !> Bring a point beside the manifold onto it, by the factor of the point itself or of a nearby one.
-        module subroutine restore_near(self, t, is_near, q, qd, stat)
+        module subroutine restore_near(self, t, is_near, exactly, q, qd, stat)
             implicit none (type, external)
             class(sparse_motion_type), intent(inout) :: self
             real(wp), intent(in) :: t
             !> True if the last point is so near that its factor may be used.
             logical, intent(in) :: is_near
+            !> True to correct q until rounding prevents it.
+            logical, intent(in) :: exactly
             real(wp), intent(inout) :: q(self%n), qd(self%n)
             integer, intent(out) :: stat
         end subroutine restore_near
@@ -394,7 +396,7 @@ contains
             if (associated(self%timer)) call self%timer%begin_operation(of_position)
             q = self%q0 + dq
             qd = self%qd0 + dqd
-            call self%restore_near(t, .true., q, qd, stat)
+            call self%restore_near(t, .true., .false., q, qd, stat)
             self%delta = (q - self%q0) - dq
             if (associated(self%timer)) call self%timer%end_operation()
             return

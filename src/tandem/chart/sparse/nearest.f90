@@ -9,6 +9,7 @@ contains
         integer, parameter :: most = 30
         real(wp), parameter :: fast = 0.1_wp, slow = 0.5_wp
         real(wp) :: error, last_error
+        logical :: is_at_rounding
         integer :: k
 
         self%failure%row = 0
@@ -27,9 +28,10 @@ contains
                     self%failure%term = trim(s%model%failed_term)
                     return
                 end if
-                if (error <= self%end_tolerance) exit
-                ! Rounding prevents further convergence; the point is near enough.
-                if (error <= self%tolerance .and. error > slow*last_error) exit
+                is_at_rounding = error >= slow*last_error
+                if (error <= self%end_tolerance .and. (is_at_rounding .or. .not. exactly)) exit
+                ! The point is near enough.
+                if (error <= self%tolerance .and. is_at_rounding) exit
                 if (k == most) then
                     stat = status_position_diverged
                     self%failure%row = maxloc(abs(s%model%terms%phi)*self%phi_weight, dim=1)

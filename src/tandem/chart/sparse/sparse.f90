@@ -27,15 +27,15 @@ module tandem_chart_sparse
 contains
 
     !> Bring a point beside the manifold onto it, or its velocity.
-    subroutine do_project(self, t, q, qd, moves_q, stat)
+    subroutine do_project(self, t, q, qd, moves_q, exactly, stat)
         class(sparse_chart_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(inout) :: q(self%n), qd(self%n)
-        logical, intent(in) :: moves_q
+        logical, intent(in) :: moves_q, exactly
         integer, intent(out) :: stat
 
         if (moves_q) then
-            call self%restore_near(t, .false., q, qd, stat)
+            call self%restore_near(t, .false., exactly, q, qd, stat)
         else
             call project_velocity(self, t, q, qd, stat)
         end if
