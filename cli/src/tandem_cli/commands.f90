@@ -32,7 +32,7 @@ module tandem_cli_commands
     !> All subcommands.
     type(command_type), parameter :: commands(*) = [ &
         command_type('list', '', ' --json ', 'list scenes and steppers'), &
-        command_type('show', 'SCENE', ' --set --unset --output --drawing ', &
+        command_type('show', 'SCENE', ' --set --unset --output --drawing --force ', &
         'print the complete scene as TOML, with all defaults'), &
         command_type('check', 'SCENE', ' --set --unset --json ', &
         'check the start, and compare the procedures of the model with differences'), &

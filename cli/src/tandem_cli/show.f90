@@ -25,7 +25,7 @@ contains
         call find_scene(arguments%scene, path, error)
         if (.not. allocated(error)) call read_scene(path, arguments%settings, scene, error, models=arguments%models)
         drawing = arguments%value_of('--drawing', '')
-        if (.not. allocated(error) .and. drawing /= '') call check_target(drawing, .false., is_new, error)
+        if (.not. allocated(error) .and. drawing /= '') call check_target(drawing, arguments%force, is_new, error)
         if (.not. allocated(error) .and. drawing /= '') call write_drawing(drawing, scene%text, scene%model, error)
         if (allocated(error)) then
             call print_to_stderr(error%message)
