@@ -326,8 +326,9 @@ def processor_time(session):
     return total / os.sysconf("SC_CLK_TCK")
 
 
-def run(part, stopping):
+def run(part, stopping=None):
     """Run one part, unless the event `stopping` ends it: its Count, after the rules that hold for all of them."""
+    stopping = stopping or threading.Event()
     LOGS.mkdir(parents=True, exist_ok=True)
     last = []
     hung, ended = threading.Event(), threading.Event()

@@ -5,6 +5,7 @@ import importlib.util
 import os
 import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 from unittest import mock
@@ -118,6 +119,35 @@ class Runs(unittest.TestCase):
         with mock.patch.dict(os.environ, own):
             script = 'test "$LC_ALL, $LANGUAGE, $GIT_DIR, $OPENBLAS_NUM_THREADS" = "C.UTF-8, , , 7" && echo ok one'
             self.assertEqual(self.count(script), (1, 0))
+
+    def order(self, parts, lanes=2):
+        """Run parts that write their names when they begin and end: the names, ended ones in capitals."""
+        with tempfile.TemporaryDirectory() as logs, mock.patch.object(verify, "LOGS", Path(logs)):
+            notes = Path(logs) / "notes"
+            script = 'echo {0} >>"$1"; sleep {1}; echo {0} | tr a-z A-Z >>"$1"; echo ok'
+            parts = [verify.Part(name, ["sh", "-c", script.format(name, seconds), "sh", str(notes)], verify.ok_lines, **options)
+                     for name, seconds, options in parts]
+            counts = [count for _, count, _ in verify.results(parts, lanes)]
+            self.assertEqual([(count.passed, count.failed) for count in counts], [(1, 0)]*len(parts))
+            return "".join(notes.read_text().split())
+
+    def test_two_parts_at_a_time(self):
+        order = self.order([("a", 1.5, {}), ("b", 0.3, {}), ("c", 0.3, {})])
+        self.assertEqual((order[2:], set(order[:2])), ("BcCA", {"a", "b"}))
+        self.assertEqual(self.order([("a", 0.3, {}), ("b", 0, {})], lanes=1), "aAbB")
+
+    def test_a_part_waits_for_what_it_needs_and_for_builds_of_the_same_project(self):
+        for of_b in {"needs": "a"}, {"builds": "x"}:
+            order = self.order([("a", 1.5, {"builds": "x"}), ("b", 0, of_b), ("c", 0.3, {"builds": "y"})])
+            self.assertEqual((order[2:], set(order[:2])), ("CAbB", {"a", "c"}))
+
+    def test_no_part_outlives_an_interrupted_caller(self):
+        with tempfile.TemporaryDirectory() as logs, mock.patch.object(verify, "LOGS", Path(logs)):
+            results = verify.results([verify.Part(name, ["sleep", seconds], verify.one_test) for name, seconds in (("a", "0"), ("b", "60"))], 2)
+            next(results)
+            begin = time.monotonic()
+            results.close()
+            self.assertLess(time.monotonic() - begin, 30)
 
     def test_command_not_found(self):
         part = verify.Part("part", ["/nonexistent"], verify.one_test)
