@@ -15,7 +15,7 @@ contains
 
     module procedure list_motions
         call make_poses(self)
-        call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
+        call list_rigid_motions(self%planar, self%bodies, self%at%pose(:size(self%bodies)), motions)
     end procedure list_motions
 
     module procedure force_rate
@@ -28,9 +28,9 @@ contains
         call self%evaluate(0, t, q, qd, self%at_row, stat)
         if (stat /= 0) return
         do i = 1, size(self%bodies)
-            call set_rates(self%pose(i), qd)
+            call set_rates(self%at%pose(i), qd)
         end do
-        call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
+        call set_displacements(self%at%pose(size(self%bodies) + 1:), 1, qd)
         call add_rates(self, t, value, stat)
     end procedure force_rate
 
@@ -43,20 +43,20 @@ contains
         type(spring_type), allocatable :: springs(:)
         type(torsion_type), allocatable :: torsions(:)
         type(load_type), allocatable :: loads(:)
-        type(law_item_type) :: laws(size(self%laws))
+        type(law_item_type) :: laws(size(self%at%laws))
         real(wp), allocatable :: rates(:, :)
         integer :: i
 
         allocate (springs, source=self%springs)
         allocate (torsions, source=self%torsions)
         allocate (loads, source=self%loads)
-        allocate (rates(0:2, size(self%f, 2)), source=0.0_wp)
-        rates(0, :) = self%f(1, :)
+        allocate (rates(0:2, size(self%at%f, 2)), source=0.0_wp)
+        rates(0, :) = self%at%f(1, :)
         do i = 1, size(laws)
             allocate (law_rate_type :: laws(i)%law)
             select type (rate => laws(i)%law)
             type is (law_rate_type)
-                allocate (rate%law, source=self%laws(i)%law)
+                allocate (rate%law, source=self%at%laws(i)%law)
             end select
         end do
         do i = 1, size(springs)
@@ -70,9 +70,9 @@ contains
         do i = 1, size(loads)
             call take_rate(self, t, loads(i))
         end do
-        call add_springs(springs, t, self%pose, rates, laws, value, stat)
-        call add_torsions(torsions, t, self%pose, rates, laws, value)
-        call add_loads(loads, t, self%pose, rates, self%formulas, self%coordinates, value)
+        call add_springs(springs, t, self%at%pose, rates, laws, value, stat)
+        call add_torsions(torsions, t, self%at%pose, rates, laws, value)
+        call add_loads(loads, t, self%at%pose, rates, self%at%formulas, self%at%coordinates, value)
     end subroutine add_rates
 
     !> Replace the components of a load by their partial time derivatives.
@@ -84,14 +84,14 @@ contains
         integer :: k, time
 
         rate = 0.0_wp
-        if (load%motion > 0) rate = self%f(1, load%motion)
+        if (load%motion > 0) rate = self%at%f(1, load%motion)
         push = rate*[load%force, load%torque]
         do k = 1, 6
             if (load%formula(k) == 0) cycle
-            associate (formula => self%formulas(load%formula(k)))
+            associate (formula => self%at%formulas(load%formula(k)))
                 time = findloc(formula%variables%kind, is_time, dim=1)
                 if (time == 0) cycle
-                call formula%read_state(t, self%pose, self%coordinates, .false.)
+                call formula%read_state(t, self%at%pose, self%at%coordinates, .false.)
                 call formula%evaluate_gradient(value)
                 push(k) = push(k) + formula%gradient(time)
             end associate
@@ -109,7 +109,7 @@ contains
         integer :: i, k
 
         if (.not. any(self%couplings%sum > 0)) return
-        allocate (pose(0:ubound(self%pose, 1)), source=self%pose)
+        allocate (pose(0:ubound(self%at%pose, 1)), source=self%at%pose)
         do i = 1, size(self%bodies)
             if (self%planar .and. self%bodies(i)%turns) call set_angle(pose(i), self%bodies(i)%angle, &
                 cos(self%bodies(i)%angle), sin(self%bodies(i)%angle))

@@ -48,7 +48,7 @@ contains
         if (allocated(error)) return
         call self%find_coordinate(label, joint, k, error)
         if (allocated(error)) return
-        torsion%coordinate = self%coordinates(k)
+        torsion%coordinate = self%at%coordinates(k)
         call self%find_element(joint(:index(joint//'.', '.') - 1), type_of, number)
         if (type_of == of_joint) torsion%joint = number
         if (present(angle)) torsion%angle = angle
@@ -83,7 +83,7 @@ contains
                 'use 0 <= dynamic <= static and a transition speed > 0', error)
             return
         end if
-        turns = self%coordinates(k)%kind == is_angle
+        turns = self%at%coordinates(k)%kind == is_angle
         if (present(normal)) then
             if (present(radius) .or. present(arm)) then
                 call refuse(label//' has both a normal force and a radius or an arm', &
@@ -104,7 +104,7 @@ contains
                     return
                 end if
             end if
-            if (self%coordinates(k)%second >= 0) call find_normal_force(self, joint, reaction, arm)
+            if (self%at%coordinates(k)%second >= 0) call find_normal_force(self, joint, reaction, arm)
             if (reaction%n == 0) then
                 call refuse(label//': the reaction of the joint has no normal component', 'give a normal force', error)
                 return

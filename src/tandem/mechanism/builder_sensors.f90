@@ -50,8 +50,8 @@ contains
                 return
             end if
             sensor%planar = self%planar
-            if (sensor%slides) sensor%displacement = self%coordinates(its%displacement)
-            if (sensor%turns) sensor%rotation = self%coordinates(its%rotation)
+            if (sensor%slides) sensor%displacement = self%at%coordinates(its%displacement)
+            if (sensor%turns) sensor%rotation = self%at%coordinates(its%rotation)
             if (present(zero)) sensor%zero = zero
         end associate
         call keep_sensor(self, sensor)
@@ -72,7 +72,7 @@ contains
             return
         end if
         sensor%slides = .true.
-        sensor%displacement = self%coordinates(self%massless_wheels(number)%displacement)
+        sensor%displacement = self%at%coordinates(self%massless_wheels(number)%displacement)
         call keep_sensor(self, sensor)
     end subroutine add_slide_sensor
 

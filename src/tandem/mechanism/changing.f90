@@ -46,7 +46,7 @@ contains
         if (locks .and. .not. self%couplings(k)%is_locked) then
             ! Set only the poses and the functions of time; evaluate no term.
             call self%evaluate(0, t, q, q, self%at_row, stat)
-            call lock_coupling(self%couplings(k), self%pose, self%f)
+            call lock_coupling(self%couplings(k), self%at%pose, self%at%f)
         else if (.not. locks) then
             self%couplings(k)%is_locked = .false.
         end if
@@ -127,8 +127,8 @@ contains
             call pack%item(self%springs(i)%damping)
             call pack%item(self%springs(i)%length)
         end do
-        do i = 1, size(self%coordinates)
-            call pack%item(self%coordinates(i)%last)
+        do i = 1, size(self%at%coordinates)
+            call pack%item(self%at%coordinates(i)%last)
         end do
         do i = 1, size(self%couplings)
             if (self%couplings(i)%drops_turns) cycle

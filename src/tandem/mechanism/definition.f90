@@ -5,6 +5,7 @@ module tandem_mechanism_definition
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type, point_type
+    use tandem_mechanism_context, only: context_type
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_perpendicular, only: perpendicular_type
@@ -85,10 +86,8 @@ module tandem_mechanism_definition
         type(torsion_type), allocatable :: torsions(:)
         type(bushing_type), allocatable :: bushings(:)
         type(load_type), allocatable :: loads(:)
-        !> Parts of forces: laws of springs, expressions of the state, coordinates of joints.
-        type(law_item_type), allocatable :: laws(:)
-        type(formula_type), allocatable :: formulas(:)
-        type(coordinate_type), allocatable :: coordinates(:)
+        !> Point of the last evaluation, and objects that elements share: laws, expressions of the state, coordinates of joints.
+        type(context_type) :: at
         type(coupling_type), allocatable :: couplings(:)
         type(velocity_joint_type), allocatable :: velocity_joints(:)
         type(rate_row_type), allocatable :: rate_rows(:)
@@ -165,10 +164,10 @@ contains
         self%torsions = [torsion_type ::]
         self%bushings = [bushing_type ::]
         self%loads = [load_type ::]
-        if (allocated(self%laws)) deallocate (self%laws)
-        if (allocated(self%formulas)) deallocate (self%formulas)
-        allocate (self%laws(0), self%formulas(0))
-        self%coordinates = [coordinate_type ::]
+        if (allocated(self%at%laws)) deallocate (self%at%laws)
+        if (allocated(self%at%formulas)) deallocate (self%at%formulas)
+        allocate (self%at%laws(0), self%at%formulas(0))
+        self%at%coordinates = [coordinate_type ::]
         self%couplings = [coupling_type ::]
         self%velocity_joints = [velocity_joint_type ::]
         if (allocated(self%rate_rows)) deallocate (self%rate_rows)
@@ -284,9 +283,9 @@ contains
         integer, intent(out) :: number
 
         number = self%n_of%laws + 1
-        if (number > size(self%laws)) call resize_laws(self, 2*number)
+        if (number > size(self%at%laws)) call resize_laws(self, 2*number)
         self%n_of%laws = number
-        allocate (self%laws(number)%law, source=law)
+        allocate (self%at%laws(number)%law, source=law)
     end subroutine take_law
 
     !> Allocate room for a number of laws.
@@ -298,9 +297,9 @@ contains
 
         allocate (others(room))
         do i = 1, self%n_of%laws
-            call move_alloc(self%laws(i)%law, others(i)%law)
+            call move_alloc(self%at%laws(i)%law, others(i)%law)
         end do
-        call move_alloc(others, self%laws)
+        call move_alloc(others, self%at%laws)
     end subroutine resize_laws
 
     !> Append an expression of the state, and return its index.
@@ -310,9 +309,9 @@ contains
         integer, intent(out) :: number
 
         number = self%n_of%formulas + 1
-        if (number > size(self%formulas)) call resize_formulas(self, 2*number)
+        if (number > size(self%at%formulas)) call resize_formulas(self, 2*number)
         self%n_of%formulas = number
-        call self%formulas(number)%initialize(expression, self%list_variables())
+        call self%at%formulas(number)%initialize(expression, self%list_variables())
     end subroutine take_formula
 
     !> Allocate room for a number of expressions of the state.
@@ -322,8 +321,8 @@ contains
         type(formula_type), allocatable :: others(:)
 
         allocate (others(room))
-        others(:self%n_of%formulas) = self%formulas(:self%n_of%formulas)
-        call move_alloc(others, self%formulas)
+        others(:self%n_of%formulas) = self%at%formulas(:self%n_of%formulas)
+        call move_alloc(others, self%at%formulas)
     end subroutine resize_formulas
 
     !> Trim the lists to their used lengths.
@@ -342,7 +341,7 @@ contains
             self%torsions = self%torsions(:n%torsions)
             self%bushings = self%bushings(:n%bushings)
             self%loads = self%loads(:n%loads)
-            self%coordinates = self%coordinates(:n%coordinates)
+            self%at%coordinates = self%at%coordinates(:n%coordinates)
             self%couplings = self%couplings(:n%couplings)
             self%velocity_joints = self%velocity_joints(:n%velocity_joints)
             self%knife_edges = self%knife_edges(:n%knife_edges)

@@ -28,9 +28,9 @@ contains
         ! Set only the poses and select the smooth piece of each force law; evaluate no terms.
         call self%evaluate(0, t, q, qd, self%at_row, stat)
         do i = 1, size(self%bodies)
-            call set_rates(self%pose(i), qd)
+            call set_rates(self%at%pose(i), qd)
         end do
-        call add_friction_directions(self%torsions, t, self%pose, self%laws, value)
+        call add_friction_directions(self%torsions, t, self%at%pose, self%at%laws, value)
     end procedure friction_directions
 
     !> Normal forces p and their gradients with respect to the multipliers.

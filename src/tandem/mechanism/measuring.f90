@@ -75,9 +75,9 @@ contains
         if (stat /= 0) return
         if (.not. allocated(self%state%asked)) then
             do i = 1, size(self%bodies)
-                call set_accelerations(self%pose(i), qdd)
+                call set_accelerations(self%at%pose(i), qdd)
             end do
-            call set_displacements(self%pose(size(self%bodies) + 1:), 2, qdd)
+            call set_displacements(self%at%pose(size(self%bodies) + 1:), 2, qdd)
         end if
         with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
         if (with_reactions .and. allocated(self%state%asked)) then
@@ -103,7 +103,7 @@ contains
                 else if (sensor%kind == sensed_balance) then
                     call measure_balance(self, sensor, t, q, shown, stat)
                 else
-                    call measure_sensor(sensor, t, self%pose, self%f, energies_of(self, sensor, t, q, stat), &
+                    call measure_sensor(sensor, t, self%at%pose, self%at%f, energies_of(self, sensor, t, q, stat), &
                         shown)
                 end if
             end associate
@@ -130,9 +130,9 @@ contains
         ! Evaluate no term, only the common quantities of all terms.
         call self%evaluate(0, t, q, qd, self%at_row, stat)
         do i = 1, size(self%bodies)
-            call set_rates(self%pose(i), qd)
+            call set_rates(self%at%pose(i), qd)
         end do
-        call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
+        call set_displacements(self%at%pose(size(self%bodies) + 1:), 1, qd)
     end subroutine set_poses
 
     !> Kinetic and potential energy for a sensor: of the mechanism, or of a body.
@@ -148,15 +148,15 @@ contains
         select case (sensor%kind)
         case (sensed_energy, sensed_balance)
             do i = 1, size(self%bodies)
-                energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
+                energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%at%pose(i))
             end do
             do i = 1, size(self%couplings)
                 if (self%couplings(i)%sum > 0) energies(1) = energies(1) + &
-                    self%couplings(i)%inertia*self%pose(self%couplings(i)%sum)%r(1, 1)**2/2
+                    self%couplings(i)%inertia*self%at%pose(self%couplings(i)%sum)%r(1, 1)**2/2
             end do
             call self%potential_energy(t, q, energies(2), stat)
         case (sensed_body)
-            associate (body => self%bodies(sensor%number), pose => self%pose(sensor%number))
+            associate (body => self%bodies(sensor%number), pose => self%at%pose(sensor%number))
                 energies(1) = kinetic_energy_of(body, pose)
                 energies(2) = -body%mass*dot_product(self%gravity, pose%r(:, 0))
             end associate
@@ -174,7 +174,8 @@ contains
         real(wp) :: point(3), force(3), torque(3), d(3)
         integer :: n
 
-        associate (rows => sensor%rows(:sensor%n_rows), body => self%pose(sensor%vector%second), jacobian => self%at_row%jacobian)
+        associate (rows => sensor%rows(:sensor%n_rows), body => self%at%pose(sensor%vector%second), &
+            jacobian => self%at_row%jacobian)
             select case (sensor%of)
             case (of_joint)
                 call find_wrench(self, sensor, lambda, force, torque)
@@ -188,7 +189,7 @@ contains
                     point = point + body%r(:, 0)
                 else if (sensor%of == of_massless_wheel) then
                     associate (wheel => self%massless_wheels(sensor%number))
-                        call find_contact_point(wheel, body, self%pose(wheel%slide), self%f, point)
+                        call find_contact_point(wheel, body, self%at%pose(wheel%slide), self%at%f, point)
                     end associate
                 else
                     point = body%r(:, 0) + turned(body, 0, sensor%vector%s2)
@@ -199,7 +200,7 @@ contains
                 n = 9
             case (of_distance)
                 ! Phi = (d.d - l^2)/(2 w).
-                d = vector_between(sensor%vector, self%pose, 0)*lambda(rows(1))/sensor%vector%weight
+                d = vector_between(sensor%vector, self%at%pose, 0)*lambda(rows(1))/sensor%vector%weight
                 values(1:4) = [sign(norm2(d), lambda(rows(1))), -d]
                 n = 4
             case default
@@ -224,7 +225,7 @@ contains
         real(wp), intent(out) :: force(3), torque(3)
         real(wp) :: point(3)
 
-        associate (one => self%pose(sensor%vector%first), two => self%pose(sensor%vector%second), &
+        associate (one => self%at%pose(sensor%vector%first), two => self%at%pose(sensor%vector%second), &
             rows => sensor%rows(:sensor%n_rows))
             point = two%r(:, 0) + turned(two, 0, sensor%vector%s2)
             if (two%n_place > 0) then
@@ -249,16 +250,16 @@ contains
 
         select case (sensor%of)
         case (of_spring)
-            effort = spring_effort(self%springs(sensor%number), t, self%pose, self%f, self%laws)
+            effort = spring_effort(self%springs(sensor%number), t, self%at%pose, self%at%f, self%at%laws)
             values = [effort%along, effort%force, effort%x, effort%rate, effort%energy, effort%power]
         case (of_torsion)
-            call torsion_effort(self%torsions(sensor%number), t, self%pose, self%f, self%laws, lambda, effort)
+            call torsion_effort(self%torsions(sensor%number), t, self%at%pose, self%at%f, self%at%laws, lambda, effort)
             values = [effort%along, effort%x, effort%rate, effort%energy, effort%power]
         case (of_bushing)
-            call bushing_effort(self%bushings(sensor%number), self%pose, effort)
+            call bushing_effort(self%bushings(sensor%number), self%at%pose, effort)
             values = [effort%force, effort%torque, effort%energy, effort%power]
         case default
-            call load_effort(self%loads(sensor%number), t, self%pose, self%f, self%formulas, self%coordinates, effort)
+            call load_effort(self%loads(sensor%number), t, self%at%pose, self%at%f, self%at%formulas, self%at%coordinates, effort)
             values = [effort%force, effort%torque, effort%power]
         end select
     end subroutine measure_force
@@ -293,19 +294,19 @@ contains
         call set_poses(self, t, q, qd, stat)
         if (stat /= 0) return
         do i = 1, size(self%springs)
-            effort = spring_effort(self%springs(i), t, self%pose, self%f, self%laws)
+            effort = spring_effort(self%springs(i), t, self%at%pose, self%at%f, self%at%laws)
             values(2) = values(2) + effort%power
         end do
         do i = 1, size(self%torsions)
-            call torsion_effort(self%torsions(i), t, self%pose, self%f, self%laws, lambda, effort)
+            call torsion_effort(self%torsions(i), t, self%at%pose, self%at%f, self%at%laws, lambda, effort)
             values(2) = values(2) + effort%power
         end do
         do i = 1, size(self%bushings)
-            call bushing_effort(self%bushings(i), self%pose, effort)
+            call bushing_effort(self%bushings(i), self%at%pose, effort)
             values(2) = values(2) + effort%power
         end do
         do i = 1, size(self%loads)
-            call load_effort(self%loads(i), t, self%pose, self%f, self%formulas, self%coordinates, effort)
+            call load_effort(self%loads(i), t, self%at%pose, self%at%f, self%at%formulas, self%at%coordinates, effort)
             values(2) = values(2) + effort%power
         end do
     end procedure integrands

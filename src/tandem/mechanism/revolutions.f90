@@ -78,7 +78,7 @@ contains
     pure logical function depends_on_revolutions(self)
         type(mechanism_type), intent(in) :: self
 
-        depends_on_revolutions = size(self%torsions) + size(self%formulas) > 0 .or. .not. all(self%couplings%drops_turns)
+        depends_on_revolutions = size(self%torsions) + size(self%at%formulas) > 0 .or. .not. all(self%couplings%drops_turns)
     end function depends_on_revolutions
 
     !> Call `visit` for the coordinates of forces, expressions and rows.
@@ -88,19 +88,19 @@ contains
         integer :: i, k
 
         do i = 1, size(self%torsions)
-            call visit(self%torsions(i)%coordinate, self%pose, self%f)
+            call visit(self%torsions(i)%coordinate, self%at%pose, self%at%f)
         end do
-        do i = 1, size(self%formulas)
-            do k = 1, size(self%formulas(i)%variables)
-                associate (variable => self%formulas(i)%variables(k))
-                    if (variable%kind == is_joint) call visit(self%coordinates(variable%owner), self%pose, self%f)
+        do i = 1, size(self%at%formulas)
+            do k = 1, size(self%at%formulas(i)%variables)
+                associate (variable => self%at%formulas(i)%variables(k))
+                    if (variable%kind == is_joint) call visit(self%at%coordinates(variable%owner), self%at%pose, self%at%f)
                 end associate
             end do
         end do
         do i = 1, size(self%couplings)
             if (self%couplings(i)%drops_turns) cycle
             do k = 1, self%couplings(i)%n
-                call visit(self%couplings(i)%coordinates(k), self%pose, self%f)
+                call visit(self%couplings(i)%coordinates(k), self%at%pose, self%at%f)
             end do
         end do
     end subroutine visit_elements
@@ -113,7 +113,7 @@ contains
 
         do i = 1, size(self%sensors)
             if (self%sensors(i)%kind == sensed_joint .and. self%sensors(i)%turns) then
-                call visit(self%sensors(i)%rotation, self%pose, self%f)
+                call visit(self%sensors(i)%rotation, self%at%pose, self%at%f)
             end if
         end do
     end subroutine visit_sensors

@@ -63,14 +63,14 @@ contains
         bodies = [self%loads(number)%body]
         do k = 1, 6
             if (self%loads(number)%formula(k) == 0) cycle
-            associate (variables => self%formulas(self%loads(number)%formula(k))%variables)
+            associate (variables => self%at%formulas(self%loads(number)%formula(k))%variables)
                 do i = 1, size(variables)
                     select case (variables(i)%kind)
                     case (is_time)
                         cycle
                     case (is_joint, is_joint_rate)
-                        call join(self%coordinates(variables(i)%owner)%first)
-                        call join(self%coordinates(variables(i)%owner)%second)
+                        call join(self%at%coordinates(variables(i)%owner)%first)
+                        call join(self%at%coordinates(variables(i)%owner)%second)
                     case default
                         call join(variables(i)%owner)
                     end select
@@ -99,15 +99,15 @@ contains
         do i = 1, size(self%coincidences)
             associate (it => self%coincidences(i))
                 call open_window(self, [it%first, it%second])
-                call differentiate_coincidences(self%coincidences(i:i), n_rows, need_dynamics_q, self%pose, lambda, self%window)
+                call differentiate_coincidences(self%coincidences(i:i), n_rows, need_dynamics_q, self%at%pose, lambda, self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
         do i = 1, size(self%turning)
             associate (body => self%turning(i))
                 call open_window(self, [body])
-                call differentiate_inertia(self%bodies(body), self%pose(body), needed, self%window)
-                do j = self%pose(body)%turn, self%pose(body)%turn + 3
+                call differentiate_inertia(self%bodies(body), self%at%pose(body), needed, self%window)
+                do j = self%at%pose(body)%turn, self%at%pose(body)%turn + 3
                     self%window%dynamics_q(j, j) = self%window%dynamics_q(j, j) + lambda(self%before_norms + i)
                 end do
                 call close_window(self, [body], stiffness)
@@ -116,28 +116,30 @@ contains
         do i = 1, size(self%springs)
             associate (it => self%springs(i)%vector)
                 call open_window(self, [it%first, it%second])
-                call differentiate_springs(self%springs(i:i), needed, t, self%pose, self%f, self%laws, self%window)
+                call differentiate_springs(self%springs(i:i), needed, t, self%at%pose, self%at%f, self%at%laws, self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
         do i = 1, size(self%torsions)
             associate (it => self%torsions(i)%coordinate)
                 call open_window(self, [it%first, it%second])
-                call differentiate_torsions(self%torsions(i:i), needed, t, self%pose, self%f, self%laws, lambda, self%window)
+                call differentiate_torsions(self%torsions(i:i), needed, t, self%at%pose, self%at%f, self%at%laws, lambda, &
+                    self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
         do i = 1, size(self%bushings)
             associate (it => self%bushings(i)%coordinates(1))
                 call open_window(self, [it%first, it%second])
-                call differentiate_bushings(self%bushings(i:i), needed, self%pose, self%window)
+                call differentiate_bushings(self%bushings(i:i), needed, self%at%pose, self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
         do i = 1, size(self%loads)
             call list_load(self, i, bodies)
             call open_window(self, bodies)
-            call differentiate_loads(self%loads(i:i), needed, t, self%pose, self%f, self%formulas, self%coordinates, self%window)
+            call differentiate_loads(self%loads(i:i), needed, t, self%at%pose, self%at%f, self%at%formulas, self%at%coordinates, &
+                self%window)
             call close_window(self, bodies, stiffness)
         end do
     end procedure evaluate_stiffness
@@ -151,7 +153,7 @@ contains
         n = 0
         do k = 1, size(bodies)
             if (bodies(k) == 0) cycle
-            associate (pose => self%pose(bodies(k)))
+            associate (pose => self%at%pose(bodies(k)))
                 pose%place = n + 1
                 n = n + pose%n_place
                 if (pose%n_turn > 0) pose%turn = n + 1
@@ -172,7 +174,7 @@ contains
         call stiffness%add(pack(bodies, bodies > 0), self%window%dynamics_q, self%window%dynamics_qd)
         do k = 1, size(bodies)
             if (bodies(k) == 0) cycle
-            associate (pose => self%pose(bodies(k)))
+            associate (pose => self%at%pose(bodies(k)))
                 pose%place = stiffness%first(bodies(k))
                 if (pose%n_turn > 0) pose%turn = pose%place + pose%n_place
             end associate
