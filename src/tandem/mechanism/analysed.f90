@@ -4,9 +4,7 @@
 submodule(tandem_mechanism) tandem_mechanism_analysed
     use tandem_mechanism_coordinate, only: differentiate_coordinate
     use tandem_mechanism_force, only: spring_type, torsion_type
-    use tandem_mechanism_formula, only: is_time
     use tandem_mechanism_law, only: law_item_type, law_rate_type
-    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     implicit none (type, external)
@@ -42,14 +40,12 @@ contains
         integer, intent(inout) :: stat
         type(spring_type), allocatable :: springs(:)
         type(torsion_type), allocatable :: torsions(:)
-        type(load_type), allocatable :: loads(:)
         type(law_item_type) :: laws(size(self%at%laws))
-        real(wp), allocatable :: rates(:, :)
+        real(wp), allocatable :: f(:, :), rates(:, :)
         integer :: i
 
         allocate (springs, source=self%springs)
         allocate (torsions, source=self%torsions)
-        allocate (loads, source=self%loads)
         allocate (rates(0:2, size(self%at%f, 2)), source=0.0_wp)
         rates(0, :) = self%at%f(1, :)
         do i = 1, size(laws)
@@ -67,40 +63,15 @@ contains
             torsions(i)%stiffness = 0.0_wp
             torsions(i)%damping = 0.0_wp
         end do
-        do i = 1, size(loads)
-            call take_rate(self, t, loads(i))
-        end do
         call add_springs(springs, t, self%at%pose, rates, laws, value, stat)
         call add_torsions(torsions, t, self%at%pose, rates, laws, value)
-        call add_loads(loads, t, self%at%pose, rates, self%at%formulas, self%at%coordinates, value)
-    end subroutine add_rates
-
-    !> Replace the components of a load by their partial time derivatives.
-    subroutine take_rate(self, t, load)
-        type(mechanism_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        type(load_type), intent(inout) :: load
-        real(wp) :: push(6), value, rate
-        integer :: k, time
-
-        rate = 0.0_wp
-        if (load%motion > 0) rate = self%at%f(1, load%motion)
-        push = rate*[load%force, load%torque]
-        do k = 1, 6
-            if (load%formula(k) == 0) cycle
-            associate (formula => self%at%formulas(load%formula(k)))
-                time = findloc(formula%variables%kind, is_time, dim=1)
-                if (time == 0) cycle
-                call formula%read_state(t, self%at%pose, self%at%coordinates, .false.)
-                call formula%evaluate_gradient(value)
-                push(k) = push(k) + formula%gradient(time)
-            end associate
+        call move_alloc(self%at%f, f)
+        call move_alloc(rates, self%at%f)
+        do i = 1, size(self%kinds)
+            call self%kinds(i)%of%add_rates(self%at, value, stat)
         end do
-        load%force = push(1:3)
-        load%torque = push(4:6)
-        load%motion = 0
-        load%formula = 0
-    end subroutine take_rate
+        call move_alloc(f, self%at%f)
+    end subroutine add_rates
 
     module procedure start_sums
         type(pose_type), allocatable :: pose(:)

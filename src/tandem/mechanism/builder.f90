@@ -19,7 +19,6 @@ module tandem_mechanism_builder
     use tandem_mechanism_velocity_joint, only: velocity_joint_type
     use tandem_mechanism_joint, only: name_length, placed_joint_type
     use tandem_mechanism_law, only: friction_law_type, law_type
-    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_plane, only: plane_type
     use tandem_mechanism_rate_row, only: rate_row_type

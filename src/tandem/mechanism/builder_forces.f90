@@ -1,12 +1,12 @@
 ! SPDX-License-Identifier: MIT
-!> Builder procedures for springs and loads.
+!> Builder procedures for springs and bushings.
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_forces
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_angle, is_tilt, is_displacement
     use tandem_mechanism_joint, only: find_kind
     use tandem_mechanism_normal_force, only: normal_force_type
-    use tandem_mechanism_refusal, only: refuse, take_vector
-    use tandem_mechanism_sensor, only: of_bushing, of_joint, of_load, of_spring, of_torsion
+    use tandem_mechanism_refusal, only: refuse
+    use tandem_mechanism_sensor, only: of_bushing, of_joint, of_spring, of_torsion
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -234,67 +234,4 @@ contains
             end if
         end subroutine take_matrix
     end procedure add_bushing
-
-    module procedure add_load
-        type(load_type) :: load
-        character(len=:), allocatable :: label
-        integer :: k
-        logical :: is_point
-
-        label = 'load '//trim(name)
-        call self%check_name(name, label, error)
-        if (allocated(error)) return
-        call self%take_point(label, on, load%body, load%point, is_point, error)
-        if (allocated(error)) return
-        if (load%body == 0) then
-            call refuse(label//' acts on the ground', 'name a body', error)
-            return
-        end if
-        if (present(force)) call take_vector(self%planar, label, 'force', force, load%force, error)
-        if (allocated(error)) return
-        if (present(torque)) then
-            if (size(torque) /= merge(1, 3, self%planar) .or. .not. all(ieee_is_finite(torque))) then
-                call refuse(label//': torque has '//to_text(size(torque))//' entries, or one that is not finite', &
-                    'give one in the plane, three in space', error)
-                return
-            end if
-            if (.not. self%bodies(load%body)%turns) then
-                call refuse(label//' applies a torque to the point mass '//trim(self%bodies(load%body)%name), &
-                    'give the body an inertia', error)
-                return
-            end if
-            if (self%planar) then
-                load%torque(3) = torque(1)
-            else
-                load%torque = torque
-            end if
-        end if
-        if (present(in_body)) load%in_body = in_body
-        if (present(force_by)) then
-            if (size(force_by) /= merge(2, 3, self%planar)) call refuse(label//': force has '//to_text(size(force_by))// &
-                ' expressions', 'give two in the plane, three in space', error)
-        end if
-        if (present(torque_by) .and. .not. allocated(error)) then
-            if (size(torque_by) /= merge(1, 3, self%planar) .or. .not. self%bodies(load%body)%turns) then
-                call refuse(label//': torque has '//to_text(size(torque_by))//' expressions, or applies a torque to a point mass', &
-                    'give one in the plane, three in space, and name a body with inertia', error)
-            end if
-        end if
-        if (allocated(error)) return
-        if (present(force_by)) then
-            do k = 1, size(force_by)
-                call self%take_formula(force_by(k), load%formula(k))
-            end do
-        end if
-        if (present(torque_by)) then
-            do k = 1, size(torque_by)
-                call self%take_formula(torque_by(k), load%formula(6 - size(torque_by) + k))
-            end do
-        end if
-        if (present(motion)) call self%take_motion(name, motion, -1, load%motion)
-        self%n_of%loads = self%n_of%loads + 1
-        if (self%n_of%loads > size(self%loads)) self%loads = [self%loads, self%loads, load]
-        self%loads(self%n_of%loads) = load
-        call self%keep_name(name, of_load, self%n_of%loads)
-    end procedure add_load
 end submodule tandem_mechanism_builder_forces

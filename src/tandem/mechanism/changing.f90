@@ -127,6 +127,10 @@ contains
             call pack%item(self%springs(i)%damping)
             call pack%item(self%springs(i)%length)
         end do
+        ! The order of checkpoints.
+        do k = size(self%kinds), 1, -1
+            call self%kinds(k)%of%pack_state(pack)
+        end do
         do i = 1, size(self%at%coordinates)
             call pack%item(self%at%coordinates(i)%last)
         end do

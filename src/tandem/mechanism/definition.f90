@@ -9,6 +9,7 @@ module tandem_mechanism_definition
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_perpendicular, only: perpendicular_type
+    use tandem_mechanism_element_kind, only: kind_item_type
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
     use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
@@ -17,7 +18,6 @@ module tandem_mechanism_definition
     use tandem_mechanism_velocity_joint, only: velocity_joint_type
     use tandem_mechanism_joint, only: joint_type, name_length
     use tandem_mechanism_law, only: law_item_type, law_type
-    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_rate_row, only: rate_row_type
@@ -54,7 +54,7 @@ module tandem_mechanism_definition
     type :: numbers_type
         integer :: bodies = 0, points = 0, joints = 0, motions = 0, perpendiculars = 0, coincidences = 0, distances = 0, &
             angles = 0, &
-            springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
+            springs = 0, torsions = 0, bushings = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
             velocity_joints = 0, knife_edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
     end type numbers_type
 
@@ -85,7 +85,8 @@ module tandem_mechanism_definition
         type(spring_type), allocatable :: springs(:)
         type(torsion_type), allocatable :: torsions(:)
         type(bushing_type), allocatable :: bushings(:)
-        type(load_type), allocatable :: loads(:)
+        !> Kinds of elements that exert forces, each with its elements.
+        type(kind_item_type), allocatable :: kinds(:)
         !> Point of the last evaluation, and objects that elements share: laws, expressions of the state, coordinates of joints.
         type(context_type) :: at
         type(coupling_type), allocatable :: couplings(:)
@@ -105,7 +106,7 @@ module tandem_mechanism_definition
         real(wp), allocatable :: searched(:), ahead(:)
         logical, allocatable :: jumps_ahead(:)
     contains
-        procedure :: clear, fit, find_body, find_element
+        procedure :: clear, fit, find_body, find_element, kind_number, n_elements
         procedure :: keep_name, variable_names, list_variables
         procedure :: take_motion, take_law, take_formula, take_direction
         procedure :: need_turning_body, find_coordinate, frame_of, angle_of, reference_length
@@ -113,6 +114,12 @@ module tandem_mechanism_definition
     end type definition_type
 
     interface
+        !> List all kinds of elements, without elements.
+        pure module subroutine list_kinds(kinds)
+            implicit none (type, external)
+            type(kind_item_type), allocatable, intent(inout) :: kinds(:)
+        end subroutine list_kinds
+
         !> Find the first kinks of functions of time. Steps end at kinks; qd jumps at a kink in the rate of a motion.
         module subroutine begin_breakpoints(self, error)
             implicit none (type, external)
@@ -163,7 +170,7 @@ contains
         self%springs = [spring_type ::]
         self%torsions = [torsion_type ::]
         self%bushings = [bushing_type ::]
-        self%loads = [load_type ::]
+        call list_kinds(self%kinds)
         if (allocated(self%at%laws)) deallocate (self%at%laws)
         if (allocated(self%at%formulas)) deallocate (self%at%formulas)
         allocate (self%at%laws(0), self%at%formulas(0))
@@ -229,6 +236,24 @@ contains
         type_of = self%types(k)
         number = self%numbers(k)
     end subroutine find_element
+
+    !> Index of the kind of elements of a word, 0 if there is none.
+    pure integer function kind_number(self, label)
+        class(definition_type), intent(in) :: self
+        character(len=*), intent(in) :: label
+
+        do kind_number = size(self%kinds), 1, -1
+            if (self%kinds(kind_number)%of%label() == label) exit
+        end do
+    end function kind_number
+
+    !> Number of elements of all kinds.
+    pure integer function n_elements(self)
+        class(definition_type), intent(in) :: self
+        integer :: k
+
+        n_elements = sum([(self%kinds(k)%of%n, k=1, size(self%kinds))])
+    end function n_elements
 
     !> Distance of two points in the reference configuration.
     pure real(wp) function reference_length(self, vector)
@@ -328,7 +353,11 @@ contains
     !> Trim the lists to their used lengths.
     subroutine fit(self)
         class(definition_type), intent(inout) :: self
+        integer :: k
 
+        do k = 1, size(self%kinds)
+            call self%kinds(k)%of%fit()
+        end do
         associate (n => self%n_of)
             self%bodies = self%bodies(:n%bodies)
             self%points = self%points(:n%points)
@@ -340,7 +369,6 @@ contains
             self%springs = self%springs(:n%springs)
             self%torsions = self%torsions(:n%torsions)
             self%bushings = self%bushings(:n%bushings)
-            self%loads = self%loads(:n%loads)
             self%at%coordinates = self%at%coordinates(:n%coordinates)
             self%couplings = self%couplings(:n%couplings)
             self%velocity_joints = self%velocity_joints(:n%velocity_joints)

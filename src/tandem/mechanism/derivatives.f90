@@ -40,6 +40,10 @@ contains
         call differentiate_springs(self%springs, need, t, self%at%pose, self%at%f, self%at%laws, derivatives)
         call differentiate_torsions(self%torsions, need, t, self%at%pose, self%at%f, self%at%laws, lambda, derivatives)
         call differentiate_bushings(self%bushings, need, self%at%pose, derivatives)
-        call differentiate_loads(self%loads, need, t, self%at%pose, self%at%f, self%at%formulas, self%at%coordinates, derivatives)
+        do k = 1, size(self%kinds)
+            associate (n => self%kinds(k)%of%n)
+                if (n > 0) call self%kinds(k)%of%differentiate(1, n, need, self%at, lambda, derivatives)
+            end associate
+        end do
     end procedure add_derivatives
 end submodule tandem_mechanism_derivatives

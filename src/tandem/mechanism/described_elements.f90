@@ -4,10 +4,9 @@ module tandem_mechanism_described_elements
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
-    use tandem_mechanism_described_points, only: take_point, take_points
+    use tandem_mechanism_described_points, only: list_variables, take_point, take_points
     use tandem_mechanism_element_keys, only: key_length, text_length
     use tandem_mechanism_expression, only: expression_type
-    use tandem_mechanism_formula, only: variable_name_length
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, reader_type, not_negative, positive
     use tandem_mechanism_law, only: friction_law_type, law_type
@@ -169,16 +168,12 @@ contains
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
         character(len=:), allocatable :: kind, name, text
-        character(len=key_length) :: points(2), point
-        character(len=key_length), allocatable :: variables(:)
-        real(wp), allocatable :: stiffness, damping, length, angle, force(:), torque(:), matrix(:), rates(:), at(:), axis(:), &
-            across(:)
+        character(len=key_length) :: points(2)
+        real(wp), allocatable :: stiffness, damping, length, angle, matrix(:), rates(:), at(:), axis(:), across(:)
         class(function_type), allocatable :: motion
         class(law_type), allocatable :: law
-        type(expression_type), allocatable :: by_force(:), by_torque(:)
         type(error_type), allocatable :: error
-        logical :: in_body
-        integer :: n
+        integer :: k, n
 
         call reader%open_table('force', number)
         if (reader%failed()) return
@@ -186,6 +181,12 @@ contains
         call reader%get_word('type', kind, [character(len=8) :: 'spring', 'torsion', 'bushing', 'load', 'friction'], &
             required=.true.)
         if (reader%failed()) return
+        if (.not. allocated(mechanism%kinds)) call mechanism%clear()
+        k = mechanism%kind_number(kind)
+        if (k > 0) then
+            call mechanism%kinds(k)%of%read(reader, mechanism, n_points)
+            return
+        end if
         if (kind == 'friction') then
             call read_friction(reader, name, mechanism)
             return
@@ -226,25 +227,6 @@ contains
                 'z axis of its frame; in the plane the x axis')
             if (.not. mechanism%planar) call reader%get_numbers('across', [3], across, anything, '', &
                 'direction nearest to the x axis')
-        case default
-            call reader%get('on', text, 'a body, or a point of it', required=.true.)
-            if (reader%failed()) return
-            call take_point(reader, 'on', text, mechanism, n_points, point)
-            allocate (variables(0))
-            ! The number of variables grows with the number of bodies, and most loads need none.
-            if (reader%has_text('force') .or. reader%has_text('torque')) call list_variables(mechanism, variables)
-            call reader%get_expressions('force', [merge(2, 3, mechanism%planar)], variables, by_force, 'N', &
-                'numbers, or expressions of t and the state, such as "rod.x" or "rod.vx"')
-            call reader%get_expressions('torque', [merge(1, 3, mechanism%planar)], variables, by_torque, 'N m', &
-                'torque, in the same form')
-            call take_constants(by_force, force)
-            call take_constants(by_torque, torque)
-            if (.not. (reader%gives('force') .or. reader%gives('torque'))) then
-              call reader%fail('', 'has neither force nor torque', 'give force = [...], torque = [...], or both')
-            end if
-            in_body = .false.
-            call reader%get('in_body', in_body, 'true: they rotate with the body')
-            call reader%get_function('factor', motion, '', 'factor, a function of time')
         end select
         call reader%close_table()
         if (reader%failed()) return
@@ -255,8 +237,6 @@ contains
             call mechanism%add_torsion(name, text, error, stiffness, damping, angle, motion, law)
         case ('bushing')
             call mechanism%add_bushing(name, trim(points(1)), trim(points(2)), error, matrix, rates, at, axis, across)
-        case default
-            call mechanism%add_load(name, trim(point), error, force, torque, in_body, motion, by_force, by_torque)
         end select
         call reader%blame(error)
     end subroutine read_force
@@ -293,30 +273,4 @@ contains
             viscous=viscous), normal, radius, arm)
         call reader%blame(error)
     end subroutine read_friction
-
-    !> Variables that expressions may contain. A function result of another text length in an array constructor overruns its memory
-    !> in gfortran 12.
-    subroutine list_variables(mechanism, variables)
-        type(mechanism_type), intent(in) :: mechanism
-        character(len=key_length), allocatable, intent(out) :: variables(:)
-        character(len=variable_name_length), allocatable :: names(:)
-
-        allocate (names, source=mechanism%variable_names())
-        allocate (variables(size(names)))
-        variables = names
-    end subroutine list_variables
-
-    !> Convert expressions without variables to numbers.
-    pure subroutine take_constants(expressions, numbers)
-        type(expression_type), allocatable, intent(inout) :: expressions(:)
-        real(wp), allocatable, intent(out) :: numbers(:)
-        integer :: i
-
-        if (.not. allocated(expressions)) return
-        do i = 1, size(expressions)
-            if (.not. expressions(i)%is_constant()) return
-        end do
-        numbers = [(expressions(i)%value([real(wp) ::]), i=1, size(expressions))]
-        deallocate (expressions)
-    end subroutine take_constants
 end module tandem_mechanism_described_elements

@@ -1,14 +1,11 @@
 ! SPDX-License-Identifier: MIT
-!> Forces, lengths and energies of springs, bushings and loads at a state, and the power of their parts without a potential:
+!> Forces, lengths and energies of springs and bushings at a state, and the power of their parts without a potential:
 !> dampers, functions of time, laws. For files, not for steps.
 module tandem_mechanism_effort
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate
     use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
-    use tandem_mechanism_formula, only: formula_type
-    use tandem_mechanism_velocity_joint, only: angular_velocity
     use tandem_mechanism_law, only: law_item_type
-    use tandem_mechanism_load, only: find_push, load_type
     use tandem_mechanism_pair, only: n_local, place_1, place_2, turn_1, turn_2
     use tandem_mechanism_pose, only: pose_type, turned
     use tandem_mechanism_normal_force, only: normal_force
@@ -17,7 +14,7 @@ module tandem_mechanism_effort
     implicit none (type, external)
     private
 
-    public :: effort_type, spring_effort, torsion_effort, bushing_effort, load_effort
+    public :: effort_type, spring_effort, torsion_effort, bushing_effort
 
     !> Force and energy of an element.
     type :: effort_type
@@ -137,28 +134,4 @@ contains
             end if
         end associate
     end subroutine bushing_effort
-
-    !> Given force and torque.
-    pure subroutine load_effort(load, t, pose, f, formulas, coordinates, effort)
-        type(load_type), intent(in) :: load
-        real(wp), intent(in) :: t
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in), contiguous :: f(0:, :)
-        type(formula_type), intent(inout) :: formulas(:)
-        type(coordinate_type), intent(inout) :: coordinates(:)
-        type(effort_type), intent(out) :: effort
-        real(wp) :: push(6)
-
-        call find_push(load, t, pose, f, formulas, coordinates, push)
-        associate (body => pose(load%body))
-            effort%force = push(1:3)
-            effort%torque = push(4:6)
-            if (load%in_body) then
-                effort%force = turned(body, 0, push(1:3))
-                effort%torque = turned(body, 0, push(4:6))
-            end if
-            effort%power = dot_product(effort%force, body%r(:, 1) + turned(body, 1, load%point)) + &
-                dot_product(effort%torque, angular_velocity(body, 0))
-        end associate
-    end subroutine load_effort
 end module tandem_mechanism_effort

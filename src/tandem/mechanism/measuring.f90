@@ -4,12 +4,14 @@
 submodule(tandem_mechanism) tandem_mechanism_measuring
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism_body, only: kinetic_energy_of
-    use tandem_mechanism_effort, only: bushing_effort, effort_type, load_effort, spring_effort, torsion_effort
+    use tandem_mechanism_effort, only: bushing_effort, effort_type, spring_effort, torsion_effort
+    use tandem_mechanism_element_kind, only: most_measured
     use tandem_mechanism_massless_wheel, only: find_contact_point
     use tandem_mechanism_reaction, only: reaction_on, turned_back
     use tandem_mechanism_rolling, only: find_contact
-    use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_knife_edge, of_joint, of_massless_wheel, &
-        of_spring, of_torsion, of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, sensed_force, sensed_joint, &
+    use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_kind, of_knife_edge, of_joint, &
+        of_massless_wheel, of_spring, of_torsion, of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, &
+        sensed_force, sensed_joint, &
         sensed_reaction, sensor_type
     use tandem_mechanism_pose, only: turned
     use tandem_mechanism_point_vector, only: vector_between
@@ -26,24 +28,24 @@ submodule(tandem_mechanism) tandem_mechanism_measuring
 contains
 
     module procedure list_quantities
-        type(quantity_type), allocatable :: all_of_them(:)
+        type(quantity_type), allocatable :: list(:), all_of_them(:)
         integer :: i, k, m, n
 
         if (size(self%sensors) == 0) return
         allocate (all_of_them(16))
         n = 0
         do i = 1, size(self%sensors)
-            associate (list => quantities_of(self%sensors(i)))
-                self%sensors(i)%width = sum(max(1, list%width))
-                self%sensors(i)%first = n + 1
-                self%sensors(i)%n_quantities = size(list)
+            associate (sensor => self%sensors(i))
+                list = quantities_of(sensor)
+                if (sensor%of > of_kind) call self%kinds(sensor%of - of_kind)%of%list_quantities(sensor, list)
+                sensor%width = sum(max(1, list%width))
+                sensor%first = n + 1
+                sensor%n_quantities = size(list)
                 ! Allocate spare room, so that adding a sensor does not copy the list each time.
                 if (n + size(list) > size(all_of_them)) all_of_them = [quantity_type :: all_of_them, all_of_them, list]
                 all_of_them(n + 1:n + size(list)) = list
                 n = n + size(list)
-            end associate
-            associate (rows => self%sensors(i)%rows)
-                where (rows < 0) rows = self%n_holonomic - rows
+                where (sensor%rows < 0) sensor%rows = self%n_holonomic - sensor%rows
             end associate
         end do
         self%quantities = all_of_them(:n)
@@ -247,6 +249,7 @@ contains
         real(wp), intent(in) :: t, lambda(:)
         real(wp), intent(out) :: values(:)
         type(effort_type) :: effort
+        real(wp) :: measured(most_measured), power
 
         select case (sensor%of)
         case (of_spring)
@@ -259,8 +262,8 @@ contains
             call bushing_effort(self%bushings(sensor%number), self%at%pose, effort)
             values = [effort%force, effort%torque, effort%energy, effort%power]
         case default
-            call load_effort(self%loads(sensor%number), t, self%at%pose, self%at%f, self%at%formulas, self%at%coordinates, effort)
-            values = [effort%force, effort%torque, effort%power]
+            call self%kinds(sensor%of - of_kind)%of%measure(sensor%number, self%at, lambda, measured, power)
+            values = measured(:size(values))
         end select
     end subroutine measure_force
 
@@ -282,7 +285,8 @@ contains
     !> Power of imposed motions, and power of forces without a potential.
     module procedure integrands
         type(effort_type) :: effort
-        integer :: i
+        real(wp) :: measured(most_measured), power
+        integer :: i, k
 
         stat = 0
         values = 0.0_wp
@@ -305,9 +309,11 @@ contains
             call bushing_effort(self%bushings(i), self%at%pose, effort)
             values(2) = values(2) + effort%power
         end do
-        do i = 1, size(self%loads)
-            call load_effort(self%loads(i), t, self%at%pose, self%at%f, self%at%formulas, self%at%coordinates, effort)
-            values(2) = values(2) + effort%power
+        do k = 1, size(self%kinds)
+            do i = 1, self%kinds(k)%of%n
+                call self%kinds(k)%of%measure(i, self%at, lambda, measured, power)
+                values(2) = values(2) + power
+            end do
         end do
     end procedure integrands
 
@@ -347,7 +353,7 @@ contains
                         call measure_reaction(self, sensor, z, shown)
                         call mark(self, n, sensor, shown, open*maxval(abs(z))*maxval(abs(self%at_row%jacobian)))
                     end if
-                    n = n + size(quantities_of(sensor))
+                    n = n + sensor%n_quantities
                 end associate
             end do
         end do
@@ -364,7 +370,7 @@ contains
         integer :: i, k, n
 
         n = 0
-        do i = 1, size(quantities_of(sensor))
+        do i = 1, sensor%n_quantities
             associate (quantity => self%quantities(before + i))
                 do k = 1, max(1, quantity%width)
                     n = n + 1

@@ -23,7 +23,6 @@ module tandem_mechanism
     use tandem_mechanism_velocity_joint, only: differentiate_velocity_joints, evaluate_velocity_joints
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
-    use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels
     use tandem_mechanism_pin, only: angles_type, evaluate_pins, pin_type
     use tandem_mechanism_pose, only: pose_type, set_angle, set_accelerations, set_displacements, set_position, set_rates
@@ -86,8 +85,9 @@ module tandem_mechanism
         integer, private :: inputs_of_f = 0
         !> C and nu at an output time; only for sensors of reactions.
         type(terms_type), private :: at_row
-        !> Gradient blocks of one element, in the coordinates of its bodies.
+        !> Gradient blocks of one element, in the coordinates of its bodies, and list of these bodies.
         type(derivatives_type), private :: window
+        integer, allocatable, private :: touched(:)
     contains
         procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides, list_imposed
         procedure :: set_magnitudes, set_time_scale, measure, integrands, begin_measuring, change, list_motions, force_rate
@@ -351,7 +351,7 @@ contains
     subroutine define(self, error)
         class(mechanism_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
-        integer :: n_bodies
+        integer :: i, n_bodies
 
         n_bodies = 0
         if (allocated(self%bodies)) then
@@ -401,7 +401,7 @@ contains
         end if
         call list_quantities(self)
         self%counts_turns = .not. self%planar .and. (size(self%torsions) + size(self%at%formulas) + size(self%couplings) > 0 .or. &
-            any(self%sensors%kind == sensed_joint))
+            any([(self%kinds(i)%of%counts_turns, i=1, size(self%kinds))]) .or. any(self%sensors%kind == sensed_joint))
         call list_frictions(self)
         if (.not. self%keeps_poses) deallocate (self%at%pose)
         ! Elements along joint coordinates have copies of them; only expressions use the list.
@@ -428,7 +428,7 @@ contains
         class(mechanism_type), intent(in) :: self
 
         has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. size(self%torsions) > 0 .or. &
-            size(self%bushings) > 0 .or. size(self%loads) > 0 .or. maxval(abs(self%weight)) > 0.0_wp
+            size(self%bushings) > 0 .or. self%n_elements() > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
 
     !> Clear rows before they are set: in compressed rows every entry is set again, except in rows that are sums.
@@ -608,8 +608,9 @@ contains
         if (size(self%springs) > 0) call add_springs(self%springs, t, self%at%pose, self%at%f, self%at%laws, terms%force, stat)
         if (size(self%torsions) > 0) call add_torsions(self%torsions, t, self%at%pose, self%at%f, self%at%laws, terms%force)
         if (size(self%bushings) > 0) call add_bushings(self%bushings, self%at%pose, terms%force)
-        if (size(self%loads) > 0) call add_loads(self%loads, t, self%at%pose, self%at%f, self%at%formulas, self%at%coordinates, &
-            terms%force)
+        do k = 1, size(self%kinds)
+            if (self%kinds(k)%of%n > 0) call self%kinds(k)%of%add_forces(self%at, terms%force, stat)
+        end do
     end subroutine evaluate_mechanism
 
     !> Set the poses at q.
@@ -708,7 +709,7 @@ contains
         select type (self)
         class is (mechanism_type)
             value = -dot_product(self%weight, q)
-            if (size(self%springs) + size(self%torsions) + size(self%bushings) == 0) return
+            if (size(self%springs) + size(self%torsions) + size(self%bushings) + self%n_elements() == 0) return
             call set_places(self, q)
             call set_displacements(self%at%pose(size(self%bodies) + 1:), 0, q)
             do i = 1, size(self%springs)
@@ -721,6 +722,9 @@ contains
             do i = 1, size(self%bushings)
                 call bushing_energy(self%bushings(i), self%at%pose, energy)
                 value = value + energy
+            end do
+            do i = 1, size(self%kinds)
+                call self%kinds(i)%of%add_energy(self%at, value)
             end do
         end select
     end subroutine potential_energy

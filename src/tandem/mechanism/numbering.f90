@@ -226,6 +226,8 @@ contains
     end function element_name
 
     module procedure number_rows
+        integer :: k
+
         self%before_norms = self%held%n
         self%n_holonomic = self%before_norms + size(self%turning)
         self%n_nonholonomic = self%rolling%n
@@ -235,6 +237,9 @@ contains
         self%knife_edges%row = self%knife_edges%row + self%n_holonomic
         self%rollers%row = self%rollers%row + self%n_holonomic
         self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
+        do k = 1, size(self%kinds)
+            call self%kinds(k)%of%renumber(size(self%bodies), self%n_holonomic)
+        end do
     end procedure number_rows
 
     !> Group elements that are evaluated together: pins in the plane; hinges and bodies in space if they are numerous enough.
@@ -271,7 +276,7 @@ contains
             size(self%single_perpendiculars), &
             size(self%distances), size(self%angles), size(self%couplings), size(self%knife_edges), size(self%rollers), &
             size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%springs), size(self%torsions), &
-            size(self%bushings), size(self%loads)) > 0
+            size(self%bushings), self%n_elements()) > 0
         self%keeps_poses = self%takes_poses .or. size(self%sensors) > 0
     end procedure form_groups
 

@@ -203,6 +203,9 @@ contains
                 end do
             end associate
         end do
+        do k = 1, size(self%kinds)
+            square = max(square, self%kinds(k)%of%stiffest(mass, inertia))
+        end do
         rate = sqrt(square)
     end function rate_of_springs
 
@@ -220,16 +223,38 @@ contains
         end do
     end procedure set_magnitudes
 
+    !> Elements that act along the line between two points.
+    subroutine list_lines(self, lines)
+        class(mechanism_type), intent(in) :: self
+        type(point_vector_type), allocatable, intent(out) :: lines(:)
+        integer :: i, k, n
+
+        allocate (lines(self%n_elements()))
+        n = 0
+        do k = 1, size(self%kinds)
+            do i = 1, self%kinds(k)%of%n
+                associate (it => self%kinds(k)%of%attachment(i))
+                    if (.not. it%is_line) exit
+                    n = n + 1
+                    lines(n) = point_vector_type(first=it%body(1), second=it%body(2), s1=it%point(:, 1), s2=it%point(:, 2))
+                end associate
+            end do
+        end do
+        lines = lines(:n)
+    end subroutine list_lines
+
     !> Geometric mean of the sizes of bodies and of the distances between their points, which is insensitive to a few parts of
     !> different size. For point masses only: lengths of springs, else distances between the bodies, else distances from the origin.
     function typical_length(self) result(length)
         class(mechanism_type), intent(in) :: self
         real(wp) :: length
         type(mean_type) :: mean
+        type(point_vector_type), allocatable :: lines(:)
         real(wp) :: extents(0:size(self%bodies))
         integer :: i, j
 
         extents = 0.0_wp
+        call list_lines(self, lines)
         do i = 1, size(self%bodies)
             associate (body => self%bodies(i))
                 if (.not. (body%turns .and. body%mass > 0.0_wp)) cycle
@@ -244,6 +269,9 @@ contains
         end do
         do i = 1, size(self%springs)
             call extend(self%springs(i)%vector)
+        end do
+        do i = 1, size(lines)
+            call extend(lines(i))
         end do
         do i = 1, size(self%perpendiculars)
             associate (perpendicular => self%perpendiculars(i))
@@ -260,6 +288,11 @@ contains
         if (mean%n == 0) then
             do i = 1, size(self%springs)
                 call add(self%reference_length(self%springs(i)%vector))
+            end do
+        end if
+        if (mean%n == 0) then
+            do i = 1, size(lines)
+                call add(self%reference_length(lines(i)))
             end do
         end if
         if (mean%n == 0) then
