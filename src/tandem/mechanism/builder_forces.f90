@@ -1,12 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Builder procedures for springs and bushings.
+!> Builder procedures for springs and torsions.
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_forces
-    use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_tilt, is_displacement
-    use tandem_mechanism_joint, only: find_kind
+    use tandem_mechanism_coordinate, only: is_angle
     use tandem_mechanism_normal_force, only: normal_force_type
     use tandem_mechanism_refusal, only: refuse
-    use tandem_mechanism_sensor, only: of_bushing, of_joint, of_spring, of_torsion
+    use tandem_mechanism_sensor, only: of_joint, of_spring, of_torsion
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -160,78 +158,4 @@ contains
             reaction%weights(reaction%n) = weight
         end subroutine take
     end subroutine find_normal_force
-
-    module procedure add_bushing
-        type(bushing_type) :: bushing
-        type(placed_joint_type) :: joint
-        character(len=:), allocatable :: label
-        integer :: k, l, m
-
-        label = 'bushing '//trim(name)
-        call self%check_name(name, label, error)
-        if (allocated(error)) return
-        ! Locate the bushing like a joint without rows.
-        joint%kind = find_kind('fixed', self%planar)
-        call self%place_joint(label, joint, first, second, error, at, axis, across)
-        if (.not. allocated(error) .and. joint%first > 0) call self%need_turning_body(label, joint%first, error)
-        if (.not. allocated(error) .and. joint%second > 0) call self%need_turning_body(label, joint%second, error)
-        if (.not. allocated(error) .and. present(stiffness)) call take_matrix('stiffness', stiffness, bushing%stiffness)
-        if (.not. allocated(error) .and. present(damping)) call take_matrix('damping', damping, bushing%damping)
-        if (allocated(error)) return
-        bushing%n = merge(3, 6, self%planar)
-        bushing%coordinates%first = joint%first
-        bushing%coordinates%second = joint%second
-        do k = 1, merge(2, 3, self%planar)
-            associate (way => bushing%coordinates(k))
-                way%kind = is_displacement
-                way%one = perpendicular_type(first=joint%first, second=joint%second, is_point=.true., a=joint%axes1(:, k), &
-                    b=joint%s2)
-                way%offset = dot_product(joint%axes1(:, k), joint%s1)
-            end associate
-        end do
-        if (self%planar) then
-            bushing%coordinates(3)%kind = is_angle
-            bushing%coordinates(3)%offset = self%angle_of(joint%second) - self%angle_of(joint%first)
-        else
-            do k = 1, 3
-                l = mod(k, 3) + 1
-                m = mod(l, 3) + 1
-                associate (turn => bushing%coordinates(3 + k))
-                    ! About k: m1.l2 = sin, l1.m2 = -sin.
-                    turn%kind = is_tilt
-                    turn%one = perpendicular_type(first=joint%first, second=joint%second, a=joint%axes1(:, m), b=joint%axes2(:, l))
-                    turn%other = perpendicular_type(first=joint%first, second=joint%second, a=joint%axes1(:, l), &
-                        b=joint%axes2(:, m))
-                end associate
-            end do
-        end if
-        self%n_of%bushings = self%n_of%bushings + 1
-        if (self%n_of%bushings > size(self%bushings)) self%bushings = [self%bushings, self%bushings, bushing]
-        self%bushings(self%n_of%bushings) = bushing
-        call self%keep_name(name, of_bushing, self%n_of%bushings)
-
-    contains
-
-        !> Read a diagonal or a symmetric matrix.
-        subroutine take_matrix(what, given, matrix)
-            character(len=*), intent(in) :: what
-            real(wp), intent(in) :: given(:)
-            real(wp), intent(inout) :: matrix(6, 6)
-            integer :: n, i
-
-            n = merge(3, 6, self%planar)
-            if (all(size(given) /= [n, n*n]) .or. .not. all(ieee_is_finite(given))) then
-                call refuse(label//': '//what//' has '//to_text(size(given))//' entries, or one that is not finite', &
-                    'give '//to_text(n)//', or a symmetric matrix of '//to_text(n*n), error)
-            else if (size(given) == n) then
-                do i = 1, n
-                    matrix(i, i) = given(i)
-                end do
-            else
-                matrix(:n, :n) = reshape(given, [n, n])
-                if (any(abs(matrix - transpose(matrix)) > tolerance*maxval(abs(matrix)))) call refuse(label//': '//what// &
-                    ' is not symmetric', 'make entries i, j and j, i equal', error)
-            end if
-        end subroutine take_matrix
-    end procedure add_bushing
 end submodule tandem_mechanism_builder_forces

@@ -4,7 +4,7 @@ submodule(tandem_mechanism_builder) tandem_mechanism_builder_sensors
     use tandem_error, only: to_text
     use tandem_mechanism_coordinate, only: is_displacement
     use tandem_mechanism_refusal, only: refuse
-    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_knife_edge, of_joint, of_kind, of_massless_wheel, of_row, &
+    use tandem_mechanism_sensor, only: of_distance, of_knife_edge, of_joint, of_kind, of_massless_wheel, of_row, &
         of_spring, of_torsion, of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, &
         sensed_joint, sensed_point, sensed_reaction
     use tandem_names, only: question
@@ -236,9 +236,6 @@ contains
                 sensor%slides = coordinate%kind == is_displacement
             end associate
             sensor%has_reaction_friction = self%torsions(sensor%number)%reaction%n > 0
-        case (of_bushing)
-            first = self%bushings(sensor%number)%coordinates(1)%first
-            second = self%bushings(sensor%number)%coordinates(1)%second
         case default
             associate (attachment => self%kinds(sensor%of - of_kind)%of%attachment(sensor%number))
                 first = attachment%body(1)
@@ -281,7 +278,7 @@ contains
             select case (self%types(k))
             case (0)
                 call self%add_body_sensor(list(i), list(i), error, kind)
-            case (of_spring, of_torsion, of_bushing, of_kind + 1:)
+            case (of_spring, of_torsion, of_kind + 1:)
                 call self%add_force_sensor(list(i), list(i), error, kind)
             case (of_joint)
                 associate (its => self%joints(self%numbers(k)))
@@ -317,7 +314,7 @@ contains
         case ('constraints')
             types = [of_distance, of_row]
         case ('forces')
-            types = [of_spring, of_torsion, of_bushing, (of_kind + k, k=1, size(self%kinds))]
+            types = [of_spring, of_torsion, (of_kind + k, k=1, size(self%kinds))]
         case default
             allocate (types(0))
         end select

@@ -39,7 +39,6 @@ contains
         end do
         call differentiate_springs(self%springs, need, t, self%at%pose, self%at%f, self%at%laws, derivatives)
         call differentiate_torsions(self%torsions, need, t, self%at%pose, self%at%f, self%at%laws, lambda, derivatives)
-        call differentiate_bushings(self%bushings, need, self%at%pose, derivatives)
         do k = 1, size(self%kinds)
             associate (n => self%kinds(k)%of%n)
                 if (n > 0) call self%kinds(k)%of%differentiate(1, n, need, self%at, lambda, derivatives)

@@ -169,11 +169,11 @@ contains
         integer, intent(inout) :: n_points
         character(len=:), allocatable :: kind, name, text
         character(len=key_length) :: points(2)
-        real(wp), allocatable :: stiffness, damping, length, angle, matrix(:), rates(:), at(:), axis(:), across(:)
+        real(wp), allocatable :: stiffness, damping, length, angle
         class(function_type), allocatable :: motion
         class(law_type), allocatable :: law
         type(error_type), allocatable :: error
-        integer :: k, n
+        integer :: k
 
         call reader%open_table('force', number)
         if (reader%failed()) return
@@ -204,7 +204,7 @@ contains
                 'length without force; default: length in the reference configuration')
             call reader%get_function('tension', motion, 'N', 'additional tension')
             call reader%get_law('law', 'length', law, 'N', 'additional tension, a function of t, length and rate')
-        case ('torsion')
+        case default
             call reader%get('joint', text, 'that rotates or slides; "joint.angle" or "joint.displacement" if it does both', &
                 required=.true.)
             call reader%get_number('stiffness', stiffness, anything, 'N m/rad', '')
@@ -214,29 +214,14 @@ contains
             call reader%get_function('torque', motion, 'N m', 'additional torque, positive if it accelerates the angle')
             call reader%get_law('law', 'angle', law, 'N m', &
                 'additional torque, a function of t, angle and rate, with the same sign')
-        case ('bushing')
-            call take_points(reader, 'between', mechanism, n_points, points, 'two bodies, or points of them', .true.)
-            n = merge(3, 6, mechanism%planar)
-            call reader%get_numbers('stiffness', [n, n*n], matrix, anything, 'N/m, N m/rad', &
-                'along and about the axes of its frame, or the matrix, by its rows', row_length=n)
-            call reader%get_numbers('damping', [n, n*n], rates, anything, 'N s/m, N m s/rad', 'damping, in the same form', &
-                row_length=n)
-            call reader%get_numbers('at', [merge(2, 3, mechanism%planar)], at, anything, 'm', &
-                'position in the reference configuration')
-            call reader%get_numbers('axis', [merge(2, 3, mechanism%planar)], axis, anything, '', &
-                'z axis of its frame; in the plane the x axis')
-            if (.not. mechanism%planar) call reader%get_numbers('across', [3], across, anything, '', &
-                'direction nearest to the x axis')
         end select
         call reader%close_table()
         if (reader%failed()) return
         select case (kind)
         case ('spring')
             call mechanism%add_spring(name, trim(points(1)), trim(points(2)), error, stiffness, damping, length, motion, law)
-        case ('torsion')
+        case default
             call mechanism%add_torsion(name, text, error, stiffness, damping, angle, motion, law)
-        case ('bushing')
-            call mechanism%add_bushing(name, trim(points(1)), trim(points(2)), error, matrix, rates, at, axis, across)
         end select
         call reader%blame(error)
     end subroutine read_force

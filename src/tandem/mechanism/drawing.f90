@@ -12,7 +12,7 @@ module tandem_mechanism_drawing
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_mechanism_rolling, only: roller_type
-    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_joint, of_kind, of_knife_edge, of_massless_wheel, of_spring, &
+    use tandem_mechanism_sensor, only: of_distance, of_joint, of_kind, of_knife_edge, of_massless_wheel, of_spring, &
         of_torsion, of_wheel, sensed_force, sensed_point, sensed_reaction, sensor_type
     use tandem_mechanism_vector, only: cross
     implicit none (type, external)
@@ -125,10 +125,6 @@ contains
         case (of_torsion)
             if (mechanism%torsions(i)%joint > 0) call add_joint(mechanism, mechanism%joints(mechanism%torsions(i)%joint), &
                 'force torsion', name, drawing, n)
-        case (of_bushing)
-            associate (bushing => mechanism%bushings(i)%coordinates(1))
-                call add(drawing, n, element_type('force bushing', name, bushing%second, bushing%one%b))
-            end associate
         case (of_knife_edge)
             associate (edge => mechanism%knife_edges(i))
                 call add(drawing, n, element_type('wheel knife_edge', name, edge%body, edge%point, edge%across))

@@ -1,20 +1,19 @@
 ! SPDX-License-Identifier: MIT
-!> Forces, lengths and energies of springs and bushings at a state, and the power of their parts without a potential:
+!> Forces, lengths and energies of springs and torsions at a state, and the power of their parts without a potential:
 !> dampers, functions of time, laws. For files, not for steps.
 module tandem_mechanism_effort
     use tandem_kinds, only: wp
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate
-    use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
+    use tandem_mechanism_force, only: spring_type, torsion_type
     use tandem_mechanism_law, only: law_item_type
-    use tandem_mechanism_pair, only: n_local, place_1, place_2, turn_1, turn_2
-    use tandem_mechanism_pose, only: pose_type, turned
+    use tandem_mechanism_pair, only: n_local
+    use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_normal_force, only: normal_force
-    use tandem_mechanism_reaction, only: wrench_of
     use tandem_mechanism_point_vector, only: vector_between
     implicit none (type, external)
     private
 
-    public :: effort_type, spring_effort, torsion_effort, bushing_effort
+    public :: effort_type, spring_effort, torsion_effort
 
     !> Force and energy of an element.
     type :: effort_type
@@ -93,45 +92,4 @@ contains
         effort%along = -torsion%stiffness*(x(0) - torsion%angle) + rest
         effort%power = rest*x(1)
     end subroutine torsion_effort
-
-    !> Forces of a bushing, which act on the second body at its point.
-    pure subroutine bushing_effort(bushing, pose, effort)
-        type(bushing_type), intent(inout) :: bushing
-        type(pose_type), intent(in) :: pose(0:)
-        type(effort_type), intent(out) :: effort
-        real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), along(3), turning(4), f
-        integer :: k, n
-
-        n = bushing%n
-        do k = 1, n
-            call differentiate_coordinate(bushing%coordinates(k), pose, 1, 0, x(:, k), gradient(:, :, k))
-        end do
-        along = 0.0_wp
-        turning = 0.0_wp
-        do k = 1, n
-            f = dot_product(bushing%damping(k, :n), x(1, :n))
-            effort%power = effort%power - f*x(1, k)
-            effort%energy = effort%energy + x(0, k)*dot_product(bushing%stiffness(k, :n), x(0, :n))/2
-            f = f + dot_product(bushing%stiffness(k, :n), x(0, :n))
-            along = along - f*gradient(place_2 + 1:place_2 + 3, 0, k)
-            turning = turning - f*gradient(turn_2 + 1:turn_2 + 4, 0, k)
-        end do
-        associate (one => pose(bushing%coordinates(1)%first), two => pose(bushing%coordinates(1)%second))
-            if (two%n_place > 0) then
-                call wrench_of(two, along, turning, two%r(:, 0) + turned(two, 0, bushing%coordinates(1)%one%b), effort%force, &
-                    effort%torque)
-            else
-                ! The ground: take the opposite of the force on the first body.
-                along = 0.0_wp
-                turning = 0.0_wp
-                do k = 1, n
-                    f = dot_product(bushing%stiffness(k, :n), x(0, :n)) + dot_product(bushing%damping(k, :n), x(1, :n))
-                    along = along + f*gradient(place_1 + 1:place_1 + 3, 0, k)
-                    turning = turning + f*gradient(turn_1 + 1:turn_1 + 4, 0, k)
-                end do
-                call wrench_of(one, along, turning, two%r(:, 0) + turned(two, 0, bushing%coordinates(1)%one%b), effort%force, &
-                    effort%torque)
-            end if
-        end associate
-    end subroutine bushing_effort
 end module tandem_mechanism_effort

@@ -1,25 +1,23 @@
 ! SPDX-License-Identifier: MIT
-!> Forces along coordinates: spring-dampers between two points, forces along the coordinate of a joint, and bushings along six
-!> coordinates.
+!> Forces along coordinates: spring-dampers between two points, and forces along the coordinate of a joint.
 !>
 !> A spring between two points has the tension f = k (l - l0) + c ld + u(t) + g(t, l, ld), positive if it pulls its ends together;
 !> its generalised force is -f l_q. A force along the coordinate x of a joint is f = -k (x - x0) - c xd + u(t) + g(t, x, xd),
 !> positive if it accelerates the coordinate; its generalised force is f x_q and its power f xd.
 module tandem_mechanism_force
     use tandem_kinds, only: wp
-    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, measure
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, measure, subtract_force
     use tandem_mechanism_law, only: law_item_type
-    use tandem_mechanism_pair, only: add_block, add_outer, columns, n_local, place_1, place_2, put_force
+    use tandem_mechanism_pair, only: add_outer, columns, n_local, put_force
     use tandem_mechanism_pose, only: gradient_of, pose_type
     use tandem_mechanism_normal_force, only: normal_force, normal_force_type
     use tandem_mechanism_point_vector, only: vector_gradient, vector_second, point_vector_type, vector_between
-    use tandem_model_derivatives, only: derivatives_type, need_dynamics_q, need_dynamics_qd
+    use tandem_model_derivatives, only: derivatives_type
     implicit none (type, external)
     private
 
     public :: spring_type, add_springs, differentiate_springs, spring_energy
     public :: torsion_type, add_torsions, add_friction_directions, differentiate_torsions, torsion_energy
-    public :: bushing_type, add_bushings, differentiate_bushings, bushing_energy
 
     !> Spring-damper between two points: stiffness k (N/m), damping c (N s/m), free length l0 (m); indices of the function u(t) and
     !> of the force law g, 0 if none.
@@ -41,15 +39,6 @@ module tandem_mechanism_force
         !> normal force of 1 N.
         type(normal_force_type) :: reaction
     end type torsion_type
-
-    !> A bushing: forces f = K x + C xd along the displacements and small angles x between two frames that coincide in the reference
-    !> configuration: three displacements and three angles in space, two displacements and one angle in the plane.
-    type :: bushing_type
-        integer :: n = 0
-        type(coordinate_type) :: coordinates(6)
-        !> K (N/m, N, N m/rad) and C (N s/m, N s, N m s/rad).
-        real(wp) :: stiffness(6, 6) = 0.0_wp, damping(6, 6) = 0.0_wp
-    end type bushing_type
 
 contains
 
@@ -203,37 +192,6 @@ contains
         end do
     end subroutine add_friction_directions
 
-    !> force := force - f x_q.
-    pure subroutine subtract_force(coordinate, pose, f, gradient, force)
-        type(coordinate_type), intent(in) :: coordinate
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in) :: f, gradient(n_local)
-        real(wp), intent(inout) :: force(:)
-
-        call subtract_on_body(pose(coordinate%first), f, gradient(place_1 + 1:place_2), force)
-        call subtract_on_body(pose(coordinate%second), f, gradient(place_2 + 1:), force)
-    end subroutine subtract_force
-
-    !> force := force - f x_q for the coordinates of one body.
-    pure subroutine subtract_on_body(pose, f, gradient, force)
-        type(pose_type), intent(in) :: pose
-        !> Gradient x_q of one body: three entries for its position, then four for its rotation.
-        real(wp), intent(in) :: f, gradient(7)
-        real(wp), intent(inout) :: force(:)
-        integer :: k
-
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do k = 1, pose%n_place
-            force(pose%place + k - 1) = force(pose%place + k - 1) - f*gradient(k)
-        end do
-        !GCC$ NOVECTOR
-        !GCC$ UNROLL 1
-        do k = 1, pose%n_turn
-            force(pose%turn + k - 1) = force(pose%turn + k - 1) - f*gradient(3 + k)
-        end do
-    end subroutine subtract_on_body
-
     !> Add the requested gradient blocks of forces along joint coordinates.
     pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, lambda, derivatives)
         type(torsion_type), intent(inout) :: torsions(:)
@@ -274,74 +232,4 @@ contains
         call measure(torsion%coordinate, pose, x)
         energy = torsion%stiffness*(x - torsion%angle)**2/2
     end subroutine torsion_energy
-
-    !> force := force - sum over i of f_i x_i,q for every bushing.
-    pure subroutine add_bushings(bushings, pose, force)
-        type(bushing_type), intent(inout) :: bushings(:)
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(inout) :: force(:)
-        real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), f
-        integer :: i, k
-
-        do i = 1, size(bushings)
-            associate (it => bushings(i), n => bushings(i)%n)
-                do k = 1, n
-                    call differentiate_coordinate(it%coordinates(k), pose, 1, 0, x(:, k), gradient(:, :, k))
-                end do
-                do k = 1, n
-                    f = dot_product(it%stiffness(k, :n), x(0, :n)) + dot_product(it%damping(k, :n), x(1, :n))
-                    call subtract_force(it%coordinates(k), pose, f, gradient(:, 0, k), force)
-                end do
-            end associate
-        end do
-    end subroutine add_bushings
-
-    !> Add the requested gradient blocks of bushings.
-    pure subroutine differentiate_bushings(bushings, need, pose, derivatives)
-        type(bushing_type), intent(inout) :: bushings(:)
-        integer, intent(in) :: need
-        type(pose_type), intent(in) :: pose(0:)
-        type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), second(n_local, n_local, 6), by_q(n_local, n_local), &
-            by_qd(n_local, n_local), f
-        integer :: i, j, k, c(n_local), column(n_local)
-
-        do i = 1, size(bushings)
-            associate (it => bushings(i), n => bushings(i)%n)
-                do k = 1, n
-                    call differentiate_coordinate(it%coordinates(k), pose, 1, 1, x(:, k), gradient(:, :, k), second(:, :, k))
-                end do
-                by_q = 0.0_wp
-                by_qd = 0.0_wp
-                do k = 1, n
-                    f = dot_product(it%stiffness(k, :n), x(0, :n)) + dot_product(it%damping(k, :n), x(1, :n))
-                    by_q = by_q + f*second(:, :, k)
-                    do j = 1, n
-                        call add_outer(it%stiffness(k, j), gradient(:, 0, k), gradient(:, 0, j), by_q)
-                        call add_outer(it%damping(k, j), gradient(:, 0, k), gradient(:, 1, j), by_q)
-                        call add_outer(it%damping(k, j), gradient(:, 0, k), gradient(:, 0, j), by_qd)
-                    end do
-                end do
-                c = columns(pose(it%coordinates(1)%first), pose(it%coordinates(1)%second))
-                column = derivatives%column_of(c)
-                if (iand(need, need_dynamics_q) /= 0) call add_block(c, column, 1.0_wp, by_q, derivatives%dynamics_q)
-                if (iand(need, need_dynamics_qd) /= 0) call add_block(c, column, 1.0_wp, by_qd, derivatives%dynamics_qd)
-            end associate
-        end do
-    end subroutine differentiate_bushings
-
-    !> Energy x'K x/2.
-    pure subroutine bushing_energy(bushing, pose, energy)
-        type(bushing_type), intent(inout) :: bushing
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(out) :: energy
-        real(wp) :: x(6)
-        integer :: k
-
-        x = 0.0_wp
-        do k = 1, bushing%n
-            call measure(bushing%coordinates(k), pose, x(k))
-        end do
-        energy = dot_product(x, matmul(bushing%stiffness, x))/2
-    end subroutine bushing_energy
 end module tandem_mechanism_force

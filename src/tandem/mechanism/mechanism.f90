@@ -18,8 +18,8 @@ module tandem_mechanism
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_perpendicular, only: differentiate_perpendiculars, evaluate_perpendiculars
     use tandem_mechanism_builder, only: builder_type
-    use tandem_mechanism_force, only: add_bushings, add_friction_directions, add_springs, add_torsions, bushing_energy, &
-        differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
+    use tandem_mechanism_force, only: add_friction_directions, add_springs, add_torsions, differentiate_springs, &
+        differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_velocity_joint, only: differentiate_velocity_joints, evaluate_velocity_joints
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
@@ -428,7 +428,7 @@ contains
         class(mechanism_type), intent(in) :: self
 
         has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. size(self%torsions) > 0 .or. &
-            size(self%bushings) > 0 .or. self%n_elements() > 0 .or. maxval(abs(self%weight)) > 0.0_wp
+            self%n_elements() > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
 
     !> Clear rows before they are set: in compressed rows every entry is set again, except in rows that are sums.
@@ -607,7 +607,6 @@ contains
         end do
         if (size(self%springs) > 0) call add_springs(self%springs, t, self%at%pose, self%at%f, self%at%laws, terms%force, stat)
         if (size(self%torsions) > 0) call add_torsions(self%torsions, t, self%at%pose, self%at%f, self%at%laws, terms%force)
-        if (size(self%bushings) > 0) call add_bushings(self%bushings, self%at%pose, terms%force)
         do k = 1, size(self%kinds)
             if (self%kinds(k)%of%n > 0) call self%kinds(k)%of%add_forces(self%at, terms%force, stat)
         end do
@@ -709,7 +708,7 @@ contains
         select type (self)
         class is (mechanism_type)
             value = -dot_product(self%weight, q)
-            if (size(self%springs) + size(self%torsions) + size(self%bushings) + self%n_elements() == 0) return
+            if (size(self%springs) + size(self%torsions) + self%n_elements() == 0) return
             call set_places(self, q)
             call set_displacements(self%at%pose(size(self%bodies) + 1:), 0, q)
             do i = 1, size(self%springs)
@@ -717,10 +716,6 @@ contains
             end do
             do i = 1, size(self%torsions)
                 call torsion_energy(self%torsions(i), self%at%pose, energy)
-                value = value + energy
-            end do
-            do i = 1, size(self%bushings)
-                call bushing_energy(self%bushings(i), self%at%pose, energy)
                 value = value + energy
             end do
             do i = 1, size(self%kinds)

@@ -276,7 +276,7 @@ contains
             size(self%single_perpendiculars), &
             size(self%distances), size(self%angles), size(self%couplings), size(self%knife_edges), size(self%rollers), &
             size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%springs), size(self%torsions), &
-            size(self%bushings), self%n_elements()) > 0
+            self%n_elements()) > 0
         self%keeps_poses = self%takes_poses .or. size(self%sensors) > 0
     end procedure form_groups
 

@@ -2,7 +2,7 @@
 !> Natural scales of a mechanism, derived from its own dimensions, so that runs take the same steps in any system of units.
 submodule(tandem_mechanism) tandem_mechanism_scales
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_elevation, is_tilt, pi
+    use tandem_mechanism_coordinate, only: is_rotation, pi
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_point_vector, only: point_vector_type
     implicit none (type, external)
@@ -103,8 +103,7 @@ contains
 
         unit = 0.0_wp
         do k = 1, it%n - merge(1, 0, it%sum > 0)
-            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, &
-                any(it%coordinates(k)%kind == [is_angle, is_elevation, is_tilt]))
+            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, is_rotation(it%coordinates(k)))
         end do
     end function size_of_sum
 
@@ -191,16 +190,7 @@ contains
         end do
         do i = 1, size(self%torsions)
             associate (it => self%torsions(i))
-                square = max(square, it%stiffness/merge(inertia, mass, &
-                    any(it%coordinate%kind == [is_angle, is_elevation, is_tilt])))
-            end associate
-        end do
-        do i = 1, size(self%bushings)
-            associate (it => self%bushings(i))
-                do k = 1, it%n
-                    square = max(square, it%stiffness(k, k)/merge(inertia, mass, &
-                        any(it%coordinates(k)%kind == [is_angle, is_elevation, is_tilt])))
-                end do
+                square = max(square, it%stiffness/merge(inertia, mass, is_rotation(it%coordinate)))
             end associate
         end do
         do k = 1, size(self%kinds)

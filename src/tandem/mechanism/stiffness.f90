@@ -27,9 +27,6 @@ contains
             do i = 1, size(self%torsions)
                 call add_pair(self%torsions(i)%coordinate%first, self%torsions(i)%coordinate%second)
             end do
-            do i = 1, size(self%bushings)
-                call add_pair(self%bushings(i)%coordinates(1)%first, self%bushings(i)%coordinates(1)%second)
-            end do
             do k = 1, size(self%kinds)
                 do i = 1, self%kinds(k)%of%n
                     call self%kinds(k)%of%touch(i, self%at, n_bodies, self%touched)
@@ -91,13 +88,6 @@ contains
                 call open_window(self, [it%first, it%second])
                 call differentiate_torsions(self%torsions(i:i), needed, t, self%at%pose, self%at%f, self%at%laws, lambda, &
                     self%window)
-                call close_window(self, [it%first, it%second], stiffness)
-            end associate
-        end do
-        do i = 1, size(self%bushings)
-            associate (it => self%bushings(i)%coordinates(1))
-                call open_window(self, [it%first, it%second])
-                call differentiate_bushings(self%bushings(i:i), needed, self%at%pose, self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do

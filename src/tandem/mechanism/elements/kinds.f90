@@ -1,6 +1,7 @@
 ! SPDX-License-Identifier: MIT
 !> Registration of the kinds of elements. Forces are added in this order, and messages list the words in this order.
 submodule(tandem_mechanism_definition) tandem_mechanism_elements_kinds
+    use tandem_mechanism_elements_bushing, only: bushing_kind_type
     use tandem_mechanism_elements_load, only: load_kind_type
     implicit none (type, external)
 
@@ -8,7 +9,8 @@ contains
 
     module procedure list_kinds
         if (allocated(kinds)) deallocate (kinds)
-        allocate (kinds(1))
-        allocate (load_kind_type :: kinds(1)%of)
+        allocate (kinds(2))
+        allocate (bushing_kind_type :: kinds(1)%of)
+        allocate (load_kind_type :: kinds(2)%of)
     end procedure list_kinds
 end submodule tandem_mechanism_elements_kinds
