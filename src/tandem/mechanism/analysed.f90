@@ -3,7 +3,7 @@
 !> coordinates.
 submodule(tandem_mechanism) tandem_mechanism_analysed
     use tandem_mechanism_coordinate, only: differentiate_coordinate
-    use tandem_mechanism_force, only: spring_type, torsion_type
+    use tandem_mechanism_force, only: spring_type
     use tandem_mechanism_law, only: law_item_type, law_rate_type
     use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
@@ -39,38 +39,33 @@ contains
         real(wp), intent(inout) :: value(:)
         integer, intent(inout) :: stat
         type(spring_type), allocatable :: springs(:)
-        type(torsion_type), allocatable :: torsions(:)
-        type(law_item_type) :: laws(size(self%at%laws))
-        real(wp), allocatable :: f(:, :), rates(:, :)
+        type(law_item_type), allocatable :: laws(:)
+        real(wp), allocatable :: f(:, :)
         integer :: i
 
         allocate (springs, source=self%springs)
-        allocate (torsions, source=self%torsions)
-        allocate (rates(0:2, size(self%at%f, 2)), source=0.0_wp)
-        rates(0, :) = self%at%f(1, :)
-        do i = 1, size(laws)
-            allocate (law_rate_type :: laws(i)%law)
-            select type (rate => laws(i)%law)
-            type is (law_rate_type)
-                allocate (rate%law, source=self%at%laws(i)%law)
-            end select
-        end do
         do i = 1, size(springs)
             springs(i)%stiffness = 0.0_wp
             springs(i)%damping = 0.0_wp
         end do
-        do i = 1, size(torsions)
-            torsions(i)%stiffness = 0.0_wp
-            torsions(i)%damping = 0.0_wp
-        end do
-        call add_springs(springs, t, self%at%pose, rates, laws, value, stat)
-        call add_torsions(torsions, t, self%at%pose, rates, laws, value)
         call move_alloc(self%at%f, f)
-        call move_alloc(rates, self%at%f)
+        call move_alloc(self%at%laws, laws)
+        allocate (self%at%f(0:2, size(f, 2)), source=0.0_wp)
+        self%at%f(0, :) = f(1, :)
+        allocate (self%at%laws(size(laws)))
+        do i = 1, size(laws)
+            allocate (law_rate_type :: self%at%laws(i)%law)
+            select type (rate => self%at%laws(i)%law)
+            type is (law_rate_type)
+                allocate (rate%law, source=laws(i)%law)
+            end select
+        end do
+        call add_springs(springs, t, self%at%pose, self%at%f, self%at%laws, value, stat)
         do i = 1, size(self%kinds)
             call self%kinds(i)%of%add_rates(self%at, value, stat)
         end do
         call move_alloc(f, self%at%f)
+        call move_alloc(laws, self%at%laws)
     end subroutine add_rates
 
     module procedure start_sums

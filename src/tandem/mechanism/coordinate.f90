@@ -18,7 +18,8 @@ module tandem_mechanism_coordinate
     private
 
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
-    public :: slide_coordinate, pi, is_displacement, is_distance, is_angle, is_tilt, is_elevation, is_rotation, subtract_force
+    public :: slide_coordinate, pi, is_displacement, is_distance, is_angle, is_tilt, is_elevation, is_rotation, &
+        number_slide, subtract_force
 
     !> Kinds of coordinates: displacement, the scalar product `one` (m); distance (m); angle (rad) whose cosine and sine are the
     !> scalar products `one` and `other`, in the plane the difference of two angles; small angle (one - other)/2, which is the sine
@@ -237,6 +238,15 @@ contains
             force(pose%turn + k - 1) = force(pose%turn + k - 1) - f*gradient(3 + k)
         end do
     end subroutine subtract_on_body
+
+    !> Move the pose of a sliding part, -i until its number is known, behind those of the bodies.
+    pure subroutine number_slide(self, n_bodies)
+        type(coordinate_type), intent(inout) :: self
+        integer, intent(in) :: n_bodies
+
+        if (self%second < 0) self%second = n_bodies - self%second
+        if (self%one%second < 0) self%one%second = n_bodies - self%one%second
+    end subroutine number_slide
 
     !> True for a coordinate measured in radians.
     pure logical function is_rotation(self)

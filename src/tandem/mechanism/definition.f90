@@ -11,7 +11,7 @@ module tandem_mechanism_definition
     use tandem_mechanism_perpendicular, only: perpendicular_type
     use tandem_mechanism_element_kind, only: kind_item_type
     use tandem_mechanism_expression, only: expression_type
-    use tandem_mechanism_force, only: spring_type, torsion_type
+    use tandem_mechanism_force, only: spring_type
     use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
         is_velocity, variable_name_length, variable_type
     use tandem_mechanism_function, only: function_type
@@ -54,7 +54,7 @@ module tandem_mechanism_definition
     type :: numbers_type
         integer :: bodies = 0, points = 0, joints = 0, motions = 0, perpendiculars = 0, coincidences = 0, distances = 0, &
             angles = 0, &
-            springs = 0, torsions = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
+            springs = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
             velocity_joints = 0, knife_edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
     end type numbers_type
 
@@ -83,7 +83,6 @@ module tandem_mechanism_definition
         type(point_vector_type), allocatable :: coincidences(:), distances(:)
         type(angle_type), allocatable :: angles(:)
         type(spring_type), allocatable :: springs(:)
-        type(torsion_type), allocatable :: torsions(:)
         !> Kinds of elements that exert forces, each with its elements.
         type(kind_item_type), allocatable :: kinds(:)
         !> Point of the last evaluation, and objects that elements share: laws, expressions of the state, coordinates of joints.
@@ -167,7 +166,6 @@ contains
         self%distances = [point_vector_type ::]
         self%angles = [angle_type ::]
         self%springs = [spring_type ::]
-        self%torsions = [torsion_type ::]
         call list_kinds(self%kinds)
         if (allocated(self%at%laws)) deallocate (self%at%laws)
         if (allocated(self%at%formulas)) deallocate (self%at%formulas)
@@ -365,7 +363,6 @@ contains
             self%distances = self%distances(:n%distances)
             self%angles = self%angles(:n%angles)
             self%springs = self%springs(:n%springs)
-            self%torsions = self%torsions(:n%torsions)
             self%at%coordinates = self%at%coordinates(:n%coordinates)
             self%couplings = self%couplings(:n%couplings)
             self%velocity_joints = self%velocity_joints(:n%velocity_joints)

@@ -38,7 +38,6 @@ contains
             call differentiate_inertia(self%bodies(self%turning(i)), self%at%pose(self%turning(i)), need, derivatives)
         end do
         call differentiate_springs(self%springs, need, t, self%at%pose, self%at%f, self%at%laws, derivatives)
-        call differentiate_torsions(self%torsions, need, t, self%at%pose, self%at%f, self%at%laws, lambda, derivatives)
         do k = 1, size(self%kinds)
             associate (n => self%kinds(k)%of%n)
                 if (n > 0) call self%kinds(k)%of%differentiate(1, n, need, self%at, lambda, derivatives)

@@ -9,7 +9,7 @@ module tandem_mechanism_described_elements
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, reader_type, not_negative, positive
-    use tandem_mechanism_law, only: friction_law_type, law_type
+    use tandem_mechanism_law, only: law_type
     use tandem_mechanism_plane, only: plane_type
     implicit none (type, external)
     private
@@ -167,9 +167,9 @@ contains
         integer, intent(in) :: number
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
-        character(len=:), allocatable :: kind, name, text
+        character(len=:), allocatable :: kind, name
         character(len=key_length) :: points(2)
-        real(wp), allocatable :: stiffness, damping, length, angle
+        real(wp), allocatable :: stiffness, damping, length
         class(function_type), allocatable :: motion
         class(law_type), allocatable :: law
         type(error_type), allocatable :: error
@@ -187,75 +187,18 @@ contains
             call mechanism%kinds(k)%of%read(reader, mechanism, n_points)
             return
         end if
-        if (kind == 'friction') then
-            call read_friction(reader, name, mechanism)
-            return
-        end if
-        if (kind == 'spring' .or. kind == 'torsion') then
-            stiffness = 0.0_wp
-            damping = 0.0_wp
-        end if
-        select case (kind)
-        case ('spring')
-            call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
-            call reader%get_number('stiffness', stiffness, anything, 'N/m', '')
-            call reader%get_number('damping', damping, anything, 'N s/m', '')
-            call reader%get_number('length', length, not_negative, 'm', &
-                'length without force; default: length in the reference configuration')
-            call reader%get_function('tension', motion, 'N', 'additional tension')
-            call reader%get_law('law', 'length', law, 'N', 'additional tension, a function of t, length and rate')
-        case default
-            call reader%get('joint', text, 'that rotates or slides; "joint.angle" or "joint.displacement" if it does both', &
-                required=.true.)
-            call reader%get_number('stiffness', stiffness, anything, 'N m/rad', '')
-            call reader%get_number('damping', damping, anything, 'N m s/rad', '')
-            angle = 0.0_wp
-            call reader%get_number('angle', angle, anything, 'rad', 'angle without torque, from the reference configuration')
-            call reader%get_function('torque', motion, 'N m', 'additional torque, positive if it accelerates the angle')
-            call reader%get_law('law', 'angle', law, 'N m', &
-                'additional torque, a function of t, angle and rate, with the same sign')
-        end select
+        stiffness = 0.0_wp
+        damping = 0.0_wp
+        call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
+        call reader%get_number('stiffness', stiffness, anything, 'N/m', '')
+        call reader%get_number('damping', damping, anything, 'N s/m', '')
+        call reader%get_number('length', length, not_negative, 'm', &
+            'length without force; default: length in the reference configuration')
+        call reader%get_function('tension', motion, 'N', 'additional tension')
+        call reader%get_law('law', 'length', law, 'N', 'additional tension, a function of t, length and rate')
         call reader%close_table()
         if (reader%failed()) return
-        select case (kind)
-        case ('spring')
-            call mechanism%add_spring(name, trim(points(1)), trim(points(2)), error, stiffness, damping, length, motion, law)
-        case default
-            call mechanism%add_torsion(name, text, error, stiffness, damping, angle, motion, law)
-        end select
+        call mechanism%add_spring(name, trim(points(1)), trim(points(2)), error, stiffness, damping, length, motion, law)
         call reader%blame(error)
     end subroutine read_force
-
-    !> Friction along the coordinate of a joint.
-    subroutine read_friction(reader, name, mechanism)
-        type(reader_type), intent(inout) :: reader
-        character(len=*), intent(in) :: name
-        type(mechanism_type), intent(inout) :: mechanism
-        character(len=:), allocatable :: joint
-        real(wp), allocatable :: normal, static, dynamic, speed, viscous, radius, arm
-        type(error_type), allocatable :: error
-
-        call reader%get('joint', joint, 'that rotates or slides; "joint.angle" or "joint.displacement" if it does both', &
-            required=.true.)
-        call reader%get_number('normal', normal, not_negative, 'N, N m', &
-            'prescribed normal force; for a rotation times the radius. Default: the reaction of the joint')
-        call reader%get_number('radius', radius, positive, 'm', 'radius of the sliding surface, with the reaction')
-        call reader%get_number('arm', arm, positive, 'm', &
-            'lever arm of torques, with the reaction; default: torques do not contribute')
-        call reader%get_number('dynamic', dynamic, not_negative, '', 'coefficient of sliding friction', required=.true.)
-        call reader%get_number('static', static, not_negative, '', 'largest coefficient, at the transition speed')
-        call reader%get_number('speed', speed, positive, 'm/s, rad/s', 'transition speed', required=.true.)
-        viscous = 0.0_wp
-        call reader%get_number('viscous', viscous, not_negative, 'N s/m, N m s', 'additional viscous damping')
-        call reader%close_table()
-        if (reader%failed()) return
-        if (.not. allocated(static)) static = dynamic
-        if (static < dynamic) then
-            call reader%fail('static', 'is smaller than the coefficient of sliding friction', 'increase it or remove it')
-            return
-        end if
-        call mechanism%add_friction(name, joint, error, friction_law_type(dynamic=dynamic, speed=speed, static=static, &
-            viscous=viscous), normal, radius, arm)
-        call reader%blame(error)
-    end subroutine read_friction
 end module tandem_mechanism_described_elements

@@ -1,19 +1,16 @@
 ! SPDX-License-Identifier: MIT
-!> Forces, lengths and energies of springs and torsions at a state, and the power of their parts without a potential:
+!> Forces, lengths and energies of springs at a state, and the power of their parts without a potential:
 !> dampers, functions of time, laws. For files, not for steps.
 module tandem_mechanism_effort
     use tandem_kinds, only: wp
-    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate
-    use tandem_mechanism_force, only: spring_type, torsion_type
+    use tandem_mechanism_force, only: spring_type
     use tandem_mechanism_law, only: law_item_type
-    use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_pose, only: pose_type
-    use tandem_mechanism_normal_force, only: normal_force
     use tandem_mechanism_point_vector, only: vector_between
     implicit none (type, external)
     private
 
-    public :: effort_type, spring_effort, torsion_effort
+    public :: effort_type, spring_effort
 
     !> Force and energy of an element.
     type :: effort_type
@@ -69,27 +66,4 @@ contains
         call laws(law)%law%evaluate(t, effort%x, effort%rate, g)
         given = given + normal*g(0)
     end function given_force
-
-    !> Force along the coordinate of a joint; the power of its part without a potential is this part times the rate.
-    pure subroutine torsion_effort(torsion, t, pose, f, laws, lambda, effort)
-        type(torsion_type), intent(inout) :: torsion
-        real(wp), intent(in) :: t
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in) :: f(0:, :)
-        type(law_item_type), intent(in) :: laws(:)
-        !> Multipliers, for friction on a reaction.
-        real(wp), intent(in) :: lambda(:)
-        type(effort_type), intent(out) :: effort
-        real(wp) :: x(0:2), gradient(n_local, 0:2), rest, normal
-
-        call differentiate_coordinate(torsion%coordinate, pose, 1, 0, x, gradient)
-        effort%x = x(0)
-        effort%rate = x(1)
-        effort%energy = torsion%stiffness*(x(0) - torsion%angle)**2/2
-        normal = 1.0_wp
-        if (torsion%reaction%n > 0) normal = normal_force(torsion%reaction, lambda)
-        rest = -torsion%damping*x(1) + given_force(torsion%motion, torsion%law, normal, t, effort, f, laws)
-        effort%along = -torsion%stiffness*(x(0) - torsion%angle) + rest
-        effort%power = rest*x(1)
-    end subroutine torsion_effort
 end module tandem_mechanism_effort

@@ -48,7 +48,7 @@ module tandem_mechanism_element_kind
         procedure :: add_forces => add_nothing, add_rates => add_nothing, add_energy => add_no_energy
         procedure :: differentiate => differentiate_nothing, stiffest => no_stiffness
         procedure :: list_quantities => no_quantities, measure => measure_nothing
-        procedure, nopass :: settings => no_settings
+        procedure, nopass :: list_settings => no_settings
         procedure :: set => set_nothing, visit_coordinates => visit_nothing, pack_state => pack_nothing
     end type element_kind_type
 
@@ -180,17 +180,18 @@ contains
         power = 0.0_wp
     end subroutine measure_nothing
 
-    !> Names of the three numbers of an element that events may set, blank if there are none.
-    pure function no_settings() result(names)
-        character(len=9) :: names(3)
+    !> List the names of the three numbers of an element that events may set, blank if there are none. gfortran 12 fails on a
+    !> function with this result.
+    pure subroutine no_settings(names)
+        character(len=9), intent(out) :: names(3)
 
         names = ''
-    end function no_settings
+    end subroutine no_settings
 
     !> Set one of these numbers.
     pure subroutine set_nothing(self, number, setting, value)
         class(element_kind_type), intent(inout) :: self
-        !> Index of the element, and of the name in `settings`.
+        !> Index of the element, and of the name in this list.
         integer, intent(in) :: number, setting
         real(wp), intent(in) :: value
     end subroutine set_nothing

@@ -1,23 +1,20 @@
 ! SPDX-License-Identifier: MIT
-!> Forces along coordinates: spring-dampers between two points, and forces along the coordinate of a joint.
+!> Forces along coordinates: spring-dampers between two points.
 !>
 !> A spring between two points has the tension f = k (l - l0) + c ld + u(t) + g(t, l, ld), positive if it pulls its ends together;
 !> its generalised force is -f l_q. A force along the coordinate x of a joint is f = -k (x - x0) - c xd + u(t) + g(t, x, xd),
 !> positive if it accelerates the coordinate; its generalised force is f x_q and its power f xd.
 module tandem_mechanism_force
     use tandem_kinds, only: wp
-    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, measure, subtract_force
     use tandem_mechanism_law, only: law_item_type
     use tandem_mechanism_pair, only: add_outer, columns, n_local, put_force
     use tandem_mechanism_pose, only: gradient_of, pose_type
-    use tandem_mechanism_normal_force, only: normal_force, normal_force_type
     use tandem_mechanism_point_vector, only: vector_gradient, vector_second, point_vector_type, vector_between
     use tandem_model_derivatives, only: derivatives_type
     implicit none (type, external)
     private
 
     public :: spring_type, add_springs, differentiate_springs, spring_energy
-    public :: torsion_type, add_torsions, add_friction_directions, differentiate_torsions, torsion_energy
 
     !> Spring-damper between two points: stiffness k (N/m), damping c (N s/m), free length l0 (m); indices of the function u(t) and
     !> of the force law g, 0 if none.
@@ -26,19 +23,6 @@ module tandem_mechanism_force
         real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, length = 0.0_wp
         integer :: motion = 0, law = 0
     end type spring_type
-
-    !> Force along the coordinate x of a joint: stiffness k (N m/rad, N/m), damping c (N m s/rad, N s/m), value x0 of x at which the
-    !> spring exerts no torque or force (rad, m); indices of the function u(t) and of the force law g, 0 if none.
-    type :: torsion_type
-        type(coordinate_type) :: coordinate
-        !> Index of the joint, 0 for a wheel or a coupling.
-        integer :: joint = 0
-        real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
-        integer :: motion = 0, law = 0
-        !> For joint friction: the reaction whose magnitude is the normal force. The force law g then gives the friction for a
-        !> normal force of 1 N.
-        type(normal_force_type) :: reaction
-    end type torsion_type
 
 contains
 
@@ -143,93 +127,4 @@ contains
 
         spring_energy = spring%stiffness*(norm2(vector_between(spring%vector, pose, 0)) - spring%length)**2/2
     end function spring_energy
-
-    !> force := force + f x_q for every force along the coordinate of a joint.
-    pure subroutine add_torsions(torsions, t, pose, f, laws, force)
-        type(torsion_type), intent(inout) :: torsions(:)
-        real(wp), intent(in) :: t
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in), contiguous :: f(0:, :)
-        type(law_item_type), intent(in) :: laws(:)
-        real(wp), intent(inout) :: force(:)
-        real(wp) :: x(0:1), gradient(n_local), resistance, g(0:2)
-        integer :: i
-
-        do i = 1, size(torsions)
-            associate (torsion => torsions(i))
-                call find_slope(torsion%coordinate, pose, x, gradient)
-                resistance = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
-                if (torsion%motion > 0) resistance = resistance - f(0, torsion%motion)
-                if (torsion%law > 0 .and. torsion%reaction%n == 0) then
-                    call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
-                    resistance = resistance - g(0)
-                end if
-                call subtract_force(torsion%coordinate, pose, resistance, gradient, force)
-            end associate
-        end do
-    end subroutine add_torsions
-
-    !> Generalised friction force of each joint with friction for a normal force of 1 N, g x_q, one column per joint.
-    pure subroutine add_friction_directions(torsions, t, pose, laws, directions)
-        type(torsion_type), intent(inout) :: torsions(:)
-        real(wp), intent(in) :: t
-        type(pose_type), intent(in) :: pose(0:)
-        type(law_item_type), intent(in) :: laws(:)
-        !> Must be zero on entry.
-        real(wp), intent(inout) :: directions(:, :)
-        real(wp) :: x(0:1), gradient(n_local), g(0:2)
-        integer :: i, k
-
-        k = 0
-        do i = 1, size(torsions)
-            if (torsions(i)%reaction%n == 0) cycle
-            k = k + 1
-            associate (torsion => torsions(i))
-                call find_slope(torsion%coordinate, pose, x, gradient)
-                call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
-                call subtract_force(torsion%coordinate, pose, -g(0), gradient, directions(:, k))
-            end associate
-        end do
-    end subroutine add_friction_directions
-
-    !> Add the requested gradient blocks of forces along joint coordinates.
-    pure subroutine differentiate_torsions(torsions, need, t, pose, f, laws, lambda, derivatives)
-        type(torsion_type), intent(inout) :: torsions(:)
-        integer, intent(in) :: need
-        real(wp), intent(in) :: t
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(in), contiguous :: f(0:, :)
-        type(law_item_type), intent(in) :: laws(:)
-        !> Multipliers, for friction on reactions.
-        real(wp), intent(in) :: lambda(:)
-        type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), resistance(0:2), g(0:2)
-        integer :: i
-
-        do i = 1, size(torsions)
-            associate (torsion => torsions(i))
-                call differentiate_coordinate(torsion%coordinate, pose, 1, 1, x, gradient, second)
-                resistance = [torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1), torsion%stiffness, torsion%damping]
-                if (torsion%motion > 0) resistance(0) = resistance(0) - f(0, torsion%motion)
-                if (torsion%law > 0) then
-                    call laws(torsion%law)%law%evaluate(t, x(0), x(1), g)
-                    if (torsion%reaction%n > 0) g = normal_force(torsion%reaction, lambda)*g
-                    resistance = resistance - g
-                end if
-                call put_force(need, columns(pose(torsion%coordinate%first), pose(torsion%coordinate%second)), &
-                    gradient(:, 0:1), second, resistance, derivatives)
-            end associate
-        end do
-    end subroutine differentiate_torsions
-
-    !> Energy k (x - x0)^2/2.
-    pure subroutine torsion_energy(torsion, pose, energy)
-        type(torsion_type), intent(inout) :: torsion
-        type(pose_type), intent(in) :: pose(0:)
-        real(wp), intent(out) :: energy
-        real(wp) :: x
-
-        call measure(torsion%coordinate, pose, x)
-        energy = torsion%stiffness*(x - torsion%angle)**2/2
-    end subroutine torsion_energy
 end module tandem_mechanism_force

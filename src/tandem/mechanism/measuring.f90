@@ -4,13 +4,13 @@
 submodule(tandem_mechanism) tandem_mechanism_measuring
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism_body, only: kinetic_energy_of
-    use tandem_mechanism_effort, only: effort_type, spring_effort, torsion_effort
+    use tandem_mechanism_effort, only: effort_type, spring_effort
     use tandem_mechanism_element_kind, only: most_measured
     use tandem_mechanism_massless_wheel, only: find_contact_point
     use tandem_mechanism_reaction, only: reaction_on, turned_back
     use tandem_mechanism_rolling, only: find_contact
     use tandem_mechanism_sensor, only: measure_sensor, of_distance, of_kind, of_knife_edge, of_joint, &
-        of_massless_wheel, of_spring, of_torsion, of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, &
+        of_massless_wheel, of_spring, of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, &
         sensed_force, sensed_joint, &
         sensed_reaction, sensor_type
     use tandem_mechanism_pose, only: turned
@@ -255,9 +255,6 @@ contains
         case (of_spring)
             effort = spring_effort(self%springs(sensor%number), t, self%at%pose, self%at%f, self%at%laws)
             values = [effort%along, effort%force, effort%x, effort%rate, effort%energy, effort%power]
-        case (of_torsion)
-            call torsion_effort(self%torsions(sensor%number), t, self%at%pose, self%at%f, self%at%laws, lambda, effort)
-            values = [effort%along, effort%x, effort%rate, effort%energy, effort%power]
         case default
             call self%kinds(sensor%of - of_kind)%of%measure(sensor%number, self%at, lambda, measured, power)
             values = measured(:size(values))
@@ -296,10 +293,6 @@ contains
         if (stat /= 0) return
         do i = 1, size(self%springs)
             effort = spring_effort(self%springs(i), t, self%at%pose, self%at%f, self%at%laws)
-            values(2) = values(2) + effort%power
-        end do
-        do i = 1, size(self%torsions)
-            call torsion_effort(self%torsions(i), t, self%at%pose, self%at%f, self%at%laws, lambda, effort)
             values(2) = values(2) + effort%power
         end do
         do k = 1, size(self%kinds)

@@ -18,8 +18,7 @@ module tandem_mechanism
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_perpendicular, only: differentiate_perpendiculars, evaluate_perpendiculars
     use tandem_mechanism_builder, only: builder_type
-    use tandem_mechanism_force, only: add_friction_directions, add_springs, add_torsions, differentiate_springs, &
-        differentiate_torsions, spring_energy, torsion_energy
+    use tandem_mechanism_force, only: add_springs, differentiate_springs, spring_energy
     use tandem_mechanism_velocity_joint, only: differentiate_velocity_joints, evaluate_velocity_joints
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
@@ -400,7 +399,7 @@ contains
             self%derives_by_bodies = .true.
         end if
         call list_quantities(self)
-        self%counts_turns = .not. self%planar .and. (size(self%torsions) + size(self%at%formulas) + size(self%couplings) > 0 .or. &
+        self%counts_turns = .not. self%planar .and. (size(self%at%formulas) + size(self%couplings) > 0 .or. &
             any([(self%kinds(i)%of%counts_turns, i=1, size(self%kinds))]) .or. any(self%sensors%kind == sensed_joint))
         call list_frictions(self)
         if (.not. self%keeps_poses) deallocate (self%at%pose)
@@ -427,8 +426,8 @@ contains
     pure logical function has_forces(self)
         class(mechanism_type), intent(in) :: self
 
-        has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. size(self%torsions) > 0 .or. &
-            self%n_elements() > 0 .or. maxval(abs(self%weight)) > 0.0_wp
+        has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. self%n_elements() > 0 .or. &
+            maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
 
     !> Clear rows before they are set: in compressed rows every entry is set again, except in rows that are sums.
@@ -606,7 +605,6 @@ contains
             call add_gyroscopic(self%bodies(self%turning(i)), self%at%pose(self%turning(i)), terms%force)
         end do
         if (size(self%springs) > 0) call add_springs(self%springs, t, self%at%pose, self%at%f, self%at%laws, terms%force, stat)
-        if (size(self%torsions) > 0) call add_torsions(self%torsions, t, self%at%pose, self%at%f, self%at%laws, terms%force)
         do k = 1, size(self%kinds)
             if (self%kinds(k)%of%n > 0) call self%kinds(k)%of%add_forces(self%at, terms%force, stat)
         end do
@@ -700,7 +698,6 @@ contains
         real(wp), intent(in) :: t, q(:)
         real(wp), intent(out) :: value
         integer, intent(out) :: stat
-        real(wp) :: energy
         integer :: i
 
         stat = 0
@@ -708,15 +705,11 @@ contains
         select type (self)
         class is (mechanism_type)
             value = -dot_product(self%weight, q)
-            if (size(self%springs) + size(self%torsions) + self%n_elements() == 0) return
+            if (size(self%springs) + self%n_elements() == 0) return
             call set_places(self, q)
             call set_displacements(self%at%pose(size(self%bodies) + 1:), 0, q)
             do i = 1, size(self%springs)
                 value = value + spring_energy(self%springs(i), self%at%pose)
-            end do
-            do i = 1, size(self%torsions)
-                call torsion_energy(self%torsions(i), self%at%pose, energy)
-                value = value + energy
             end do
             do i = 1, size(self%kinds)
                 call self%kinds(i)%of%add_energy(self%at, value)

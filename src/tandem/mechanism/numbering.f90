@@ -4,7 +4,7 @@
 submodule(tandem_mechanism) tandem_mechanism_numbering
     use tandem_kinds, only: lane
     use tandem_model, only: its_unit, name_of_coordinate, unit_of_its_multiplier
-    use tandem_mechanism_coordinate, only: coordinate_type, is_displacement
+    use tandem_mechanism_coordinate, only: is_displacement, number_slide
     use tandem_mechanism_hinge, only: gather_hinges
     use tandem_mechanism_hinge_group, only: find_hinge_blocks, gather_hinge_groups, place_hinge_groups
     use tandem_mechanism_incidence, only: list_incidence
@@ -185,29 +185,19 @@ contains
         end do
         do i = 1, size(self%sensors)
             call put_behind(self%sensors(i)%vector%second)
-            call renumber(self%sensors(i)%displacement)
+            call number_slide(self%sensors(i)%displacement, size(self%bodies))
         end do
         do i = 1, size(self%at%coordinates)
-            call renumber(self%at%coordinates(i))
-        end do
-        do i = 1, size(self%torsions)
-            call renumber(self%torsions(i)%coordinate)
+            call number_slide(self%at%coordinates(i), size(self%bodies))
         end do
         do i = 1, size(self%couplings)
             call put_behind(self%couplings(i)%sum)
             do k = 1, self%couplings(i)%n
-                call renumber(self%couplings(i)%coordinates(k))
+                call number_slide(self%couplings(i)%coordinates(k), size(self%bodies))
             end do
         end do
 
     contains
-
-        subroutine renumber(coordinate)
-            type(coordinate_type), intent(inout) :: coordinate
-
-            call put_behind(coordinate%second)
-            call put_behind(coordinate%one%second)
-        end subroutine renumber
 
         subroutine put_behind(pose)
             integer, intent(inout) :: pose
@@ -275,8 +265,7 @@ contains
         self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%single_coincidences), &
             size(self%single_perpendiculars), &
             size(self%distances), size(self%angles), size(self%couplings), size(self%knife_edges), size(self%rollers), &
-            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%springs), size(self%torsions), &
-            self%n_elements()) > 0
+            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%springs), self%n_elements()) > 0
         self%keeps_poses = self%takes_poses .or. size(self%sensors) > 0
     end procedure form_groups
 

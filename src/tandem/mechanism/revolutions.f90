@@ -68,7 +68,7 @@ contains
         type(mechanism_type), intent(in) :: self
         integer :: k
 
-        depends_on_revolutions = size(self%torsions) + size(self%at%formulas) > 0 .or. &
+        depends_on_revolutions = size(self%at%formulas) > 0 .or. &
             any([(self%kinds(k)%of%counts_turns, k=1, size(self%kinds))]) .or. .not. all(self%couplings%drops_turns)
     end function depends_on_revolutions
 
@@ -78,9 +78,6 @@ contains
         procedure(visit_interface) :: visit
         integer :: i, k
 
-        do i = 1, size(self%torsions)
-            call visit(self%torsions(i)%coordinate, self%at%pose, self%at%f)
-        end do
         do k = 1, size(self%kinds)
             call self%kinds(k)%of%visit_coordinates(visit, self%at)
         end do

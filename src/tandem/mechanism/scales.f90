@@ -188,11 +188,6 @@ contains
         do i = 1, size(self%springs)
             square = max(square, self%springs(i)%stiffness/mass)
         end do
-        do i = 1, size(self%torsions)
-            associate (it => self%torsions(i))
-                square = max(square, it%stiffness/merge(inertia, mass, is_rotation(it%coordinate)))
-            end associate
-        end do
         do k = 1, size(self%kinds)
             square = max(square, self%kinds(k)%of%stiffest(mass, inertia))
         end do

@@ -17,7 +17,7 @@ module tandem_mechanism_sensor
 
     public :: sensor_type, sensed_point, sensed_joint, sensed_distance, sensed_energy, quantities_of
     public :: begin_sensor, measure_sensor, pack_sensor, sensed_body, sensed_reaction, sensed_force, sensed_balance
-    public :: of_joint, of_wheel, of_knife_edge, of_distance, of_row, of_spring, of_torsion, &
+    public :: of_joint, of_wheel, of_knife_edge, of_distance, of_row, of_spring, &
         of_massless_wheel, of_kind, most_rows, add_quantity
 
     !> Kinds of sensors.
@@ -25,7 +25,7 @@ module tandem_mechanism_sensor
     integer, parameter :: sensed_reaction = 6, sensed_force = 7, sensed_balance = 8
     !> Elements with a reaction or a force; `of_row` is a coupling, or a row by expressions.
     integer, parameter :: of_joint = 1, of_wheel = 2, of_knife_edge = 3, of_distance = 4, of_row = 5
-    integer, parameter :: of_spring = 6, of_torsion = 7, of_massless_wheel = 10
+    integer, parameter :: of_spring = 6, of_massless_wheel = 10
     !> An element of the kind k in the list of kinds has the type of_kind + k.
     integer, parameter :: of_kind = 10
     !> Largest number of rows of an element: six freedoms, driven or not, and the row of a screw.
@@ -176,23 +176,10 @@ contains
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable, intent(inout) :: list(:)
 
-        select case (sensor%of)
-        case (of_spring)
-            call add_quantity(sensor, list, 0, 'tension', 'N', 'tension between the points')
-            call add_quantity(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
-            call add_quantity(sensor, list, 0, 'length', 'm', 'distance of the points')
-            call add_quantity(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
-        case default
-            if (sensor%slides) then
-                call add_quantity(sensor, list, 0, 'force', 'N', 'along the coordinate, positive if it accelerates the coordinate')
-                call add_quantity(sensor, list, 0, 'displacement', 'm', 'coordinate of the joint')
-                call add_quantity(sensor, list, 0, 'speed', 'm/s', 'its rate')
-            else
-                call add_quantity(sensor, list, 0, 'torque', 'N m', 'about the axis, positive if it accelerates the angle')
-                call add_quantity(sensor, list, 0, 'angle', 'rad', 'coordinate of the joint')
-                call add_quantity(sensor, list, 0, 'rate', 'rad/s', 'its rate')
-            end if
-        end select
+        call add_quantity(sensor, list, 0, 'tension', 'N', 'tension between the points')
+        call add_quantity(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
+        call add_quantity(sensor, list, 0, 'length', 'm', 'distance of the points')
+        call add_quantity(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
         call add_quantity(sensor, list, 0, 'energy', 'J', 'potential energy')
         call add_quantity(sensor, list, 0, 'power', 'W', 'power of its dampers, laws and functions of time')
     end subroutine list_force

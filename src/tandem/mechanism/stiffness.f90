@@ -24,9 +24,6 @@ contains
             do i = 1, size(self%springs)
                 call add_pair(self%springs(i)%vector%first, self%springs(i)%vector%second)
             end do
-            do i = 1, size(self%torsions)
-                call add_pair(self%torsions(i)%coordinate%first, self%torsions(i)%coordinate%second)
-            end do
             do k = 1, size(self%kinds)
                 do i = 1, self%kinds(k)%of%n
                     call self%kinds(k)%of%touch(i, self%at, n_bodies, self%touched)
@@ -80,14 +77,6 @@ contains
             associate (it => self%springs(i)%vector)
                 call open_window(self, [it%first, it%second])
                 call differentiate_springs(self%springs(i:i), needed, t, self%at%pose, self%at%f, self%at%laws, self%window)
-                call close_window(self, [it%first, it%second], stiffness)
-            end associate
-        end do
-        do i = 1, size(self%torsions)
-            associate (it => self%torsions(i)%coordinate)
-                call open_window(self, [it%first, it%second])
-                call differentiate_torsions(self%torsions(i:i), needed, t, self%at%pose, self%at%f, self%at%laws, lambda, &
-                    self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
