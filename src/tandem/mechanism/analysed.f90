@@ -3,7 +3,6 @@
 !> coordinates.
 submodule(tandem_mechanism) tandem_mechanism_analysed
     use tandem_mechanism_coordinate, only: differentiate_coordinate
-    use tandem_mechanism_force, only: spring_type
     use tandem_mechanism_law, only: law_item_type, law_rate_type
     use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
@@ -29,25 +28,18 @@ contains
             call set_rates(self%at%pose(i), qd)
         end do
         call set_displacements(self%at%pose(size(self%bodies) + 1:), 1, qd)
-        call add_rates(self, t, value, stat)
+        call add_rates(self, value, stat)
     end procedure force_rate
 
-    !> Apply every force element with the partial time derivative of its force in place of the force.
-    subroutine add_rates(self, t, value, stat)
+    !> Add the partial time derivatives of the forces of all elements. The context holds the rates of functions and laws meanwhile.
+    subroutine add_rates(self, value, stat)
         type(mechanism_type), intent(inout) :: self
-        real(wp), intent(in) :: t
         real(wp), intent(inout) :: value(:)
         integer, intent(inout) :: stat
-        type(spring_type), allocatable :: springs(:)
         type(law_item_type), allocatable :: laws(:)
         real(wp), allocatable :: f(:, :)
         integer :: i
 
-        allocate (springs, source=self%springs)
-        do i = 1, size(springs)
-            springs(i)%stiffness = 0.0_wp
-            springs(i)%damping = 0.0_wp
-        end do
         call move_alloc(self%at%f, f)
         call move_alloc(self%at%laws, laws)
         allocate (self%at%f(0:2, size(f, 2)), source=0.0_wp)
@@ -60,7 +52,6 @@ contains
                 allocate (rate%law, source=laws(i)%law)
             end select
         end do
-        call add_springs(springs, t, self%at%pose, self%at%f, self%at%laws, value, stat)
         do i = 1, size(self%kinds)
             call self%kinds(i)%of%add_rates(self%at, value, stat)
         end do

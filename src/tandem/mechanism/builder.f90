@@ -13,7 +13,6 @@ module tandem_mechanism_builder
     use tandem_mechanism_perpendicular, only: perpendicular_type
     use tandem_mechanism_definition, only: angle_type, definition_type, motion_type
     use tandem_mechanism_expression, only: expression_type
-    use tandem_mechanism_force, only: spring_type
     use tandem_mechanism_formula, only: variable_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_velocity_joint, only: velocity_joint_type

@@ -4,7 +4,7 @@ submodule(tandem_mechanism_builder) tandem_mechanism_builder_sensors
     use tandem_error, only: to_text
     use tandem_mechanism_refusal, only: refuse
     use tandem_mechanism_sensor, only: of_distance, of_knife_edge, of_joint, of_kind, of_massless_wheel, of_row, &
-        of_spring, of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, &
+        of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, &
         sensed_joint, sensed_point, sensed_reaction
     use tandem_names, only: question
     implicit none (type, external)
@@ -218,24 +218,18 @@ contains
             return
         end if
         sensor%number = self%numbers(k)
-        select case (sensor%of)
-        case (of_spring)
-            first = self%springs(sensor%number)%vector%first
-            second = self%springs(sensor%number)%vector%second
-        case default
-            associate (attachment => self%kinds(sensor%of - of_kind)%of%attachment(sensor%number))
-                first = attachment%body(1)
-                second = attachment%body(2)
-                ! The displacement of a wheel belongs to no body: the force is between the wheel and the body that carries it.
-                ! A sum belongs to no body at all.
-                if (second < 0) then
-                    i = findloc(self%massless_wheels%slide, second, dim=1)
-                    if (i > 0) first = self%massless_wheels(i)%body
-                end if
-                sensor%slides = attachment%slides
-                sensor%has_reaction_friction = attachment%needs_multipliers
-            end associate
-        end select
+        associate (attachment => self%kinds(sensor%of - of_kind)%of%attachment(sensor%number))
+            first = attachment%body(1)
+            second = attachment%body(2)
+            sensor%slides = attachment%slides
+            sensor%has_reaction_friction = attachment%needs_multipliers
+        end associate
+        ! The displacement of a wheel belongs to no body: the force is between the wheel and the body that carries it. A sum belongs
+        ! to no body at all.
+        if (second < 0) then
+            i = findloc(self%massless_wheels%slide, second, dim=1)
+            if (i > 0) first = self%massless_wheels(i)%body
+        end if
         sensor%between(2) = name_of(self, second)
         if (first >= 0) sensor%between(1) = name_of(self, first)
         call keep_sensor(self, sensor)
@@ -270,7 +264,7 @@ contains
             select case (self%types(k))
             case (0)
                 call self%add_body_sensor(list(i), list(i), error, kind)
-            case (of_spring, of_kind + 1:)
+            case (of_kind + 1:)
                 call self%add_force_sensor(list(i), list(i), error, kind)
             case (of_joint)
                 associate (its => self%joints(self%numbers(k)))
@@ -306,7 +300,7 @@ contains
         case ('constraints')
             types = [of_distance, of_row]
         case ('forces')
-            types = [of_spring, (of_kind + k, k=1, size(self%kinds))]
+            types = [(of_kind + k, k=1, size(self%kinds))]
         case default
             allocate (types(0))
         end select

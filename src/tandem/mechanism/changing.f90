@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Changes by events: `lock NAME` and `free NAME` of a coupling that can be freed, and `force.NAME.KEY = NUMBER` of springs and
-!> torsions, where the number may be an expression of constants.
+!> Changes by events: `lock NAME` and `free NAME` of a coupling that can be freed, and `force.NAME.KEY = NUMBER` of an element with
+!> such a number, where the number may be an expression of constants.
 submodule(tandem_mechanism) tandem_mechanism_changing
     use tandem_mechanism_coupling, only: lock_coupling
     use tandem_mechanism_expression, only: expression_type, parse_expression
-    use tandem_mechanism_sensor, only: of_kind, of_spring
+    use tandem_mechanism_sensor, only: of_kind
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -52,7 +52,7 @@ contains
         end if
     end subroutine switch
 
-    !> Set a number of a spring or a torsion.
+    !> Set a number of an element.
     subroutine set_number(self, text, is_trial, problem)
         type(mechanism_type), intent(inout) :: self
         character(len=*), intent(in) :: text
@@ -61,6 +61,7 @@ contains
         character(len=*), parameter :: head = 'force.'
         character(len=len(text)) :: name, key
         character(len=9) :: names(3)
+        character(len=:), allocatable :: words
         type(expression_type) :: expression
         type(error_type), allocatable :: error
         real(wp) :: number
@@ -80,41 +81,26 @@ contains
         key = text(dot + 1:equal - 1)
         call self%find_element(trim(name), type_of, i)
         names = ''
-        if (type_of == of_spring) then
-            names = [character(len=9) :: 'stiffness', 'damping', 'length']
-        else if (type_of > of_kind) then
-            call self%kinds(type_of - of_kind)%of%list_settings(names)
-        end if
+        if (type_of > of_kind) call self%kinds(type_of - of_kind)%of%list_settings(names)
         k = findloc(names == key, .true., dim=1)
         if (names(1) == '') then
-            problem = trim(name)//' is neither a spring nor a torsion'
+            call self%list_words(.true., ' nor ', words)
+            problem = trim(name)//' is neither '//words
         else if (k == 0) then
             problem = trim(name)//' has no number '//trim(key)//' that events may set: use '//trim(names(1))//', '// &
                 trim(names(2))//' or '//trim(names(3))
         else
             problem = ''
-            if (is_trial) return
-            if (type_of == of_spring) then
-                if (k == 1) self%springs(i)%stiffness = number
-                if (k == 2) self%springs(i)%damping = number
-                if (k == 3) self%springs(i)%length = number
-            else
-                call self%kinds(type_of - of_kind)%of%set(i, k, number)
-            end if
+            if (.not. is_trial) call self%kinds(type_of - of_kind)%of%set(i, k, number)
         end if
     end subroutine set_number
 
     module procedure pack_state
         integer :: i, k
 
-        ! The order of checkpoints.
+        ! In reverse order, the one of existing checkpoints.
         do k = size(self%kinds), 1, -1
             call self%kinds(k)%of%pack_state(pack)
-        end do
-        do i = 1, size(self%springs)
-            call pack%item(self%springs(i)%stiffness)
-            call pack%item(self%springs(i)%damping)
-            call pack%item(self%springs(i)%length)
         end do
         do i = 1, size(self%at%coordinates)
             call pack%item(self%at%coordinates(i)%last)

@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Scalar coordinates x(q) between two bodies: the displacement along an axis of the first body, the distance of two points, the
-!> angle about a common axis, or a small angle. Couplings constrain sums of coordinates, springs and bushings act along them,
+!> angle about a common axis, or a small angle. Couplings constrain sums of coordinates, forces act along them,
 !> expressions and sensors read them. Each provides its value and gradient, their derivatives along the motion, and its second
 !> gradient.
 !>
@@ -18,8 +18,8 @@ module tandem_mechanism_coordinate
     private
 
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
-    public :: slide_coordinate, pi, is_displacement, is_distance, is_angle, is_tilt, is_elevation, is_rotation, &
-        number_slide, subtract_force
+    public :: slide_coordinate, pi, is_displacement, is_distance, is_angle, is_tilt, is_elevation, is_rotation
+    public :: number_slide, subtract_force
 
     !> Kinds of coordinates: displacement, the scalar product `one` (m); distance (m); angle (rad) whose cosine and sine are the
     !> scalar products `one` and `other`, in the plane the difference of two angles; small angle (one - other)/2, which is the sine

@@ -9,9 +9,8 @@ module tandem_mechanism_definition
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_perpendicular, only: perpendicular_type
-    use tandem_mechanism_element_kind, only: kind_item_type
+    use tandem_mechanism_element_kind, only: kind_item_type, word_length
     use tandem_mechanism_expression, only: expression_type
-    use tandem_mechanism_force, only: spring_type
     use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
         is_velocity, variable_name_length, variable_type
     use tandem_mechanism_function, only: function_type
@@ -26,7 +25,7 @@ module tandem_mechanism_definition
     use tandem_mechanism_row_list, only: row_list_type
     use tandem_mechanism_sensor, only: of_joint, of_massless_wheel, of_row, sensor_type
     use tandem_mechanism_point_vector, only: point_vector_type
-    use tandem_model, only: model_type
+    use tandem_model, only: model_type, quantity_type
     use tandem_name_index, only: name_index_type
     use tandem_rigid_euler_parameters, only: rotation
     implicit none (type, external)
@@ -53,9 +52,8 @@ module tandem_mechanism_definition
     !> Number of elements of each type.
     type :: numbers_type
         integer :: bodies = 0, points = 0, joints = 0, motions = 0, perpendiculars = 0, coincidences = 0, distances = 0, &
-            angles = 0, &
-            springs = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
-            velocity_joints = 0, knife_edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
+            angles = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, velocity_joints = 0, knife_edges = 0, &
+            rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
     end type numbers_type
 
     !> Indices by name: of all elements; of points (`body.point`); of sensors; of the first function of time of an element.
@@ -82,7 +80,6 @@ module tandem_mechanism_definition
         type(perpendicular_type), allocatable :: perpendiculars(:)
         type(point_vector_type), allocatable :: coincidences(:), distances(:)
         type(angle_type), allocatable :: angles(:)
-        type(spring_type), allocatable :: springs(:)
         !> Kinds of elements that exert forces, each with its elements.
         type(kind_item_type), allocatable :: kinds(:)
         !> Point of the last evaluation, and objects that elements share: laws, expressions of the state, coordinates of joints.
@@ -104,7 +101,7 @@ module tandem_mechanism_definition
         real(wp), allocatable :: searched(:), ahead(:)
         logical, allocatable :: jumps_ahead(:)
     contains
-        procedure :: clear, fit, find_body, find_element, kind_number, n_elements
+        procedure :: clear, fit, find_body, find_element, kind_number, n_elements, list_words
         procedure :: keep_name, variable_names, list_variables
         procedure :: take_motion, take_law, take_formula, take_direction
         procedure :: need_turning_body, find_coordinate, frame_of, angle_of, reference_length
@@ -165,7 +162,6 @@ contains
         self%coincidences = [point_vector_type ::]
         self%distances = [point_vector_type ::]
         self%angles = [angle_type ::]
-        self%springs = [spring_type ::]
         call list_kinds(self%kinds)
         if (allocated(self%at%laws)) deallocate (self%at%laws)
         if (allocated(self%at%formulas)) deallocate (self%at%formulas)
@@ -250,6 +246,36 @@ contains
 
         n_elements = sum([(self%kinds(k)%of%n, k=1, size(self%kinds))])
     end function n_elements
+
+    !> List the words of kinds whose elements have sensors, or numbers that events may set, with articles: `a ..., a ... or a ...`.
+    subroutine list_words(self, of_settings, last, text)
+        class(definition_type), intent(in) :: self
+        logical, intent(in) :: of_settings
+        !> Separator before the last word.
+        character(len=*), intent(in) :: last
+        character(len=:), allocatable, intent(out) :: text
+        type(quantity_type), allocatable :: quantities(:)
+        character(len=9) :: names(3)
+        character(len=word_length) :: words(size(self%kinds))
+        integer :: k, n
+
+        n = 0
+        do k = 1, size(self%kinds)
+            allocate (quantities(0))
+            call self%kinds(k)%of%list_quantities(sensor_type(), quantities)
+            call self%kinds(k)%of%list_settings(names)
+            if (merge(names(1) /= '', size(quantities) > 0, of_settings)) then
+                n = n + 1
+                words(n) = self%kinds(k)%of%label()
+            end if
+            deallocate (quantities)
+        end do
+        text = 'a '//trim(words(1))
+        do k = 2, n - 1
+            text = text//', a '//trim(words(k))
+        end do
+        if (n > 1) text = text//last//'a '//trim(words(n))
+    end subroutine list_words
 
     !> Distance of two points in the reference configuration.
     pure real(wp) function reference_length(self, vector)
@@ -362,7 +388,6 @@ contains
             self%coincidences = self%coincidences(:n%coincidences)
             self%distances = self%distances(:n%distances)
             self%angles = self%angles(:n%angles)
-            self%springs = self%springs(:n%springs)
             self%at%coordinates = self%at%coordinates(:n%coordinates)
             self%couplings = self%couplings(:n%couplings)
             self%velocity_joints = self%velocity_joints(:n%velocity_joints)

@@ -37,7 +37,6 @@ contains
         do i = 1, size(self%turning)
             call differentiate_inertia(self%bodies(self%turning(i)), self%at%pose(self%turning(i)), need, derivatives)
         end do
-        call differentiate_springs(self%springs, need, t, self%at%pose, self%at%f, self%at%laws, derivatives)
         do k = 1, size(self%kinds)
             associate (n => self%kinds(k)%of%n)
                 if (n > 0) call self%kinds(k)%of%differentiate(1, n, need, self%at, lambda, derivatives)

@@ -6,10 +6,10 @@ module tandem_mechanism_described_elements
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_described_points, only: list_variables, take_point, take_points
     use tandem_mechanism_element_keys, only: key_length, text_length
+    use tandem_mechanism_element_kind, only: word_length
     use tandem_mechanism_expression, only: expression_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, reader_type, not_negative, positive
-    use tandem_mechanism_law, only: law_type
     use tandem_mechanism_plane, only: plane_type
     implicit none (type, external)
     private
@@ -167,38 +167,20 @@ contains
         integer, intent(in) :: number
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
-        character(len=:), allocatable :: kind, name
-        character(len=key_length) :: points(2)
-        real(wp), allocatable :: stiffness, damping, length
-        class(function_type), allocatable :: motion
-        class(law_type), allocatable :: law
-        type(error_type), allocatable :: error
+        character(len=word_length), allocatable :: words(:)
+        character(len=:), allocatable :: kind
         integer :: k
 
         call reader%open_table('force', number)
         if (reader%failed()) return
-        name = reader%name
-        call reader%get_word('type', kind, [character(len=8) :: 'spring', 'torsion', 'bushing', 'load', 'friction'], &
-            required=.true.)
-        if (reader%failed()) return
         if (.not. allocated(mechanism%kinds)) call mechanism%clear()
-        k = mechanism%kind_number(kind)
-        if (k > 0) then
-            call mechanism%kinds(k)%of%read(reader, mechanism, n_points)
-            return
-        end if
-        stiffness = 0.0_wp
-        damping = 0.0_wp
-        call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
-        call reader%get_number('stiffness', stiffness, anything, 'N/m', '')
-        call reader%get_number('damping', damping, anything, 'N s/m', '')
-        call reader%get_number('length', length, not_negative, 'm', &
-            'length without force; default: length in the reference configuration')
-        call reader%get_function('tension', motion, 'N', 'additional tension')
-        call reader%get_law('law', 'length', law, 'N', 'additional tension, a function of t, length and rate')
-        call reader%close_table()
+        allocate (words(size(mechanism%kinds)))
+        do k = 1, size(words)
+            words(k) = mechanism%kinds(k)%of%label()
+        end do
+        call reader%get_word('type', kind, words, required=.true.)
         if (reader%failed()) return
-        call mechanism%add_spring(name, trim(points(1)), trim(points(2)), error, stiffness, damping, length, motion, law)
-        call reader%blame(error)
+        k = mechanism%kind_number(kind)
+        call mechanism%kinds(k)%of%read(reader, mechanism, n_points)
     end subroutine read_force
 end module tandem_mechanism_described_elements

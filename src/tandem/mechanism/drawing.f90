@@ -12,8 +12,8 @@ module tandem_mechanism_drawing
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_mechanism_rolling, only: roller_type
-    use tandem_mechanism_sensor, only: of_distance, of_joint, of_kind, of_knife_edge, of_massless_wheel, of_spring, &
-        of_wheel, sensed_force, sensed_point, sensed_reaction, sensor_type
+    use tandem_mechanism_sensor, only: of_distance, of_joint, of_kind, of_knife_edge, of_massless_wheel, of_wheel, &
+        sensed_force, sensed_point, sensed_reaction, sensor_type
     use tandem_mechanism_vector, only: cross
     implicit none (type, external)
     private
@@ -120,8 +120,6 @@ contains
             call add_joint(mechanism, mechanism%joints(i), 'joint '//mechanism%joints(i)%kind_name, name, drawing, n)
         case (of_distance)
             call add_pair(mechanism%distances(i), 'constraint distance', name, drawing, n)
-        case (of_spring)
-            call add_pair(mechanism%springs(i)%vector, 'force spring', name, drawing, n)
         case (of_knife_edge)
             associate (edge => mechanism%knife_edges(i))
                 call add(drawing, n, element_type('wheel knife_edge', name, edge%body, edge%point, edge%across))

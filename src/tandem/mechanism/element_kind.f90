@@ -101,11 +101,14 @@ contains
         integer, intent(in) :: n_bodies, n_holonomic
     end subroutine keep_numbers
 
+    !> Where an element is attached.
     pure function no_attachment(self, number) result(attachment)
         class(element_kind_type), intent(in) :: self
         !> Index of the element.
         integer, intent(in) :: number
         type(attachment_type) :: attachment
+
+        attachment = attachment_type()
     end function no_attachment
 
     !> List the bodies on whose coordinates an element depends, beginning with those on which it exerts a force.

@@ -8,7 +8,10 @@ submodule(tandem_mechanism) tandem_mechanism_joint_friction
 contains
 
     module procedure list_frictions
-        select type (torsions => self%kinds(self%kind_number('torsion'))%of)
+        integer :: k
+
+        k = self%kind_number('torsion')
+        select type (torsions => self%kinds(k)%of)
         type is (torsion_kind_type)
             self%n_frictions = torsions%n_frictions()
         end select
@@ -16,7 +19,7 @@ contains
 
     !> Matrix B, whose columns are the generalised friction forces for normal forces of 1 N.
     module procedure friction_directions
-        integer :: i
+        integer :: i, k
 
         stat = 0
         value = 0.0_wp
@@ -25,7 +28,8 @@ contains
         do i = 1, size(self%bodies)
             call set_rates(self%at%pose(i), qd)
         end do
-        select type (torsions => self%kinds(self%kind_number('torsion'))%of)
+        k = self%kind_number('torsion')
+        select type (torsions => self%kinds(k)%of)
         type is (torsion_kind_type)
             call torsions%add_friction_directions(self%at, value)
         end select
@@ -33,8 +37,11 @@ contains
 
     !> Normal forces p and their gradients with respect to the multipliers.
     module procedure normal_forces
+        integer :: k
+
         gradient = 0.0_wp
-        select type (torsions => self%kinds(self%kind_number('torsion'))%of)
+        k = self%kind_number('torsion')
+        select type (torsions => self%kinds(k)%of)
         type is (torsion_kind_type)
             call torsions%set_normal_forces(lambda, value, gradient)
         end select

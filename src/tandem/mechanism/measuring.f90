@@ -4,14 +4,12 @@
 submodule(tandem_mechanism) tandem_mechanism_measuring
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism_body, only: kinetic_energy_of
-    use tandem_mechanism_effort, only: effort_type, spring_effort
     use tandem_mechanism_element_kind, only: most_measured
     use tandem_mechanism_massless_wheel, only: find_contact_point
     use tandem_mechanism_reaction, only: reaction_on, turned_back
     use tandem_mechanism_rolling, only: find_contact
-    use tandem_mechanism_sensor, only: measure_sensor, of_distance, of_kind, of_knife_edge, of_joint, &
-        of_massless_wheel, of_spring, of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, &
-        sensed_force, sensed_joint, &
+    use tandem_mechanism_sensor, only: measure_sensor, of_distance, of_joint, of_kind, of_knife_edge, of_massless_wheel, &
+        of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, sensed_force, sensed_joint, &
         sensed_reaction, sensor_type
     use tandem_mechanism_pose, only: turned
     use tandem_mechanism_point_vector, only: vector_between
@@ -99,9 +97,9 @@ contains
                 else if (sensor%kind == sensed_reaction) then
                     call measure_reaction(self, sensor, lambda, shown)
                 else if (sensor%has_reaction_friction) then
-                    call measure_force(self, sensor, t, lambda, shown)
+                    call measure_force(self, sensor, lambda, shown)
                 else if (sensor%kind == sensed_force) then
-                    call measure_force(self, sensor, t, [real(wp) ::], shown)
+                    call measure_force(self, sensor, [real(wp) ::], shown)
                 else if (sensor%kind == sensed_balance) then
                     call measure_balance(self, sensor, t, q, shown, stat)
                 else
@@ -242,23 +240,16 @@ contains
     end subroutine find_wrench
 
     !> Measure the force and the energy of a force element.
-    subroutine measure_force(self, sensor, t, lambda, values)
+    subroutine measure_force(self, sensor, lambda, values)
         type(mechanism_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
         !> Multipliers are used for friction on a reaction.
-        real(wp), intent(in) :: t, lambda(:)
+        real(wp), intent(in) :: lambda(:)
         real(wp), intent(out) :: values(:)
-        type(effort_type) :: effort
         real(wp) :: measured(most_measured), power
 
-        select case (sensor%of)
-        case (of_spring)
-            effort = spring_effort(self%springs(sensor%number), t, self%at%pose, self%at%f, self%at%laws)
-            values = [effort%along, effort%force, effort%x, effort%rate, effort%energy, effort%power]
-        case default
-            call self%kinds(sensor%of - of_kind)%of%measure(sensor%number, self%at, lambda, measured, power)
-            values = measured(:size(values))
-        end select
+        call self%kinds(sensor%of - of_kind)%of%measure(sensor%number, self%at, lambda, measured, power)
+        values = measured(:size(values))
     end subroutine measure_force
 
     !> Measure the energy balance; the work is integrated over time.
@@ -278,7 +269,6 @@ contains
 
     !> Power of imposed motions, and power of forces without a potential.
     module procedure integrands
-        type(effort_type) :: effort
         real(wp) :: measured(most_measured), power
         integer :: i, k
 
@@ -291,10 +281,6 @@ contains
         end if
         call set_poses(self, t, q, qd, stat)
         if (stat /= 0) return
-        do i = 1, size(self%springs)
-            effort = spring_effort(self%springs(i), t, self%at%pose, self%at%f, self%at%laws)
-            values(2) = values(2) + effort%power
-        end do
         do k = 1, size(self%kinds)
             do i = 1, self%kinds(k)%of%n
                 call self%kinds(k)%of%measure(i, self%at, lambda, measured, power)

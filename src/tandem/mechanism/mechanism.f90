@@ -18,7 +18,6 @@ module tandem_mechanism
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_perpendicular, only: differentiate_perpendiculars, evaluate_perpendiculars
     use tandem_mechanism_builder, only: builder_type
-    use tandem_mechanism_force, only: add_springs, differentiate_springs, spring_energy
     use tandem_mechanism_velocity_joint, only: differentiate_velocity_joints, evaluate_velocity_joints
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
@@ -426,8 +425,7 @@ contains
     pure logical function has_forces(self)
         class(mechanism_type), intent(in) :: self
 
-        has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. self%n_elements() > 0 .or. &
-            maxval(abs(self%weight)) > 0.0_wp
+        has_forces = size(self%turning) > 0 .or. self%n_elements() > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
 
     !> Clear rows before they are set: in compressed rows every entry is set again, except in rows that are sums.
@@ -551,8 +549,7 @@ contains
                 self%perpendiculars, need, self%at%pose, self%at%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%at%pose, self%at%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
-            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%at%pose, &
-                self%at%f, terms)
+            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%at%pose, self%at%f, terms)
             if (size(self%knife_edges) > 0) call evaluate_knife_edges(self%knife_edges, need, self%at%pose, self%at%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%at%pose, self%at%f, terms, stat)
             if (size(self%massless_wheels) > 0) call evaluate_massless_wheels(self%massless_wheels, need, self%at%pose, self%at%f, &
@@ -604,7 +601,6 @@ contains
         do i = 1, self%n_turning_alone
             call add_gyroscopic(self%bodies(self%turning(i)), self%at%pose(self%turning(i)), terms%force)
         end do
-        if (size(self%springs) > 0) call add_springs(self%springs, t, self%at%pose, self%at%f, self%at%laws, terms%force, stat)
         do k = 1, size(self%kinds)
             if (self%kinds(k)%of%n > 0) call self%kinds(k)%of%add_forces(self%at, terms%force, stat)
         end do
@@ -692,7 +688,7 @@ contains
         call evaluate_functions(self, t)
     end subroutine set_motion
 
-    !> Potential energy of gravity and of linear springs and bushings; laws have none.
+    !> Potential energy of gravity and of linear elements; laws have none.
     subroutine potential_energy(self, t, q, value, stat)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
@@ -705,12 +701,9 @@ contains
         select type (self)
         class is (mechanism_type)
             value = -dot_product(self%weight, q)
-            if (size(self%springs) + self%n_elements() == 0) return
+            if (self%n_elements() == 0) return
             call set_places(self, q)
             call set_displacements(self%at%pose(size(self%bodies) + 1:), 0, q)
-            do i = 1, size(self%springs)
-                value = value + spring_energy(self%springs(i), self%at%pose)
-            end do
             do i = 1, size(self%kinds)
                 call self%kinds(i)%of%add_energy(self%at, value)
             end do

@@ -265,7 +265,7 @@ contains
         self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%single_coincidences), &
             size(self%single_perpendiculars), &
             size(self%distances), size(self%angles), size(self%couplings), size(self%knife_edges), size(self%rollers), &
-            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%springs), self%n_elements()) > 0
+            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), self%n_elements()) > 0
         self%keeps_poses = self%takes_poses .or. size(self%sensors) > 0
     end procedure form_groups
 

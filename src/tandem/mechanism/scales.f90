@@ -179,15 +179,12 @@ contains
     pure real(wp) function rate_of_springs(self) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp) :: mass, inertia, square
-        integer :: i, k
+        integer :: k
 
         mass = maxval(self%bodies%mass)
         inertia = max(mass*self%size_of_bodies**2, tiny(1.0_wp))
         mass = max(mass, tiny(1.0_wp))
         square = 0.0_wp
-        do i = 1, size(self%springs)
-            square = max(square, self%springs(i)%stiffness/mass)
-        end do
         do k = 1, size(self%kinds)
             square = max(square, self%kinds(k)%of%stiffest(mass, inertia))
         end do
@@ -252,9 +249,6 @@ contains
         do i = 1, size(self%distances)
             call extend(self%distances(i))
         end do
-        do i = 1, size(self%springs)
-            call extend(self%springs(i)%vector)
-        end do
         do i = 1, size(lines)
             call extend(lines(i))
         end do
@@ -270,11 +264,6 @@ contains
         do i = 1, size(self%distances)
             call add(self%reference_length(self%distances(i)))
         end do
-        if (mean%n == 0) then
-            do i = 1, size(self%springs)
-                call add(self%reference_length(self%springs(i)%vector))
-            end do
-        end if
         if (mean%n == 0) then
             do i = 1, size(lines)
                 call add(self%reference_length(lines(i)))

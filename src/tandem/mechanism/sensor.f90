@@ -17,17 +17,15 @@ module tandem_mechanism_sensor
 
     public :: sensor_type, sensed_point, sensed_joint, sensed_distance, sensed_energy, quantities_of
     public :: begin_sensor, measure_sensor, pack_sensor, sensed_body, sensed_reaction, sensed_force, sensed_balance
-    public :: of_joint, of_wheel, of_knife_edge, of_distance, of_row, of_spring, &
-        of_massless_wheel, of_kind, most_rows, add_quantity
+    public :: of_joint, of_wheel, of_knife_edge, of_distance, of_row, of_massless_wheel, of_kind, most_rows, add_quantity
 
     !> Kinds of sensors.
     integer, parameter :: sensed_point = 1, sensed_joint = 2, sensed_distance = 3, sensed_energy = 4, sensed_body = 5
     integer, parameter :: sensed_reaction = 6, sensed_force = 7, sensed_balance = 8
-    !> Elements with a reaction or a force; `of_row` is a coupling, or a row by expressions.
-    integer, parameter :: of_joint = 1, of_wheel = 2, of_knife_edge = 3, of_distance = 4, of_row = 5
-    integer, parameter :: of_spring = 6, of_massless_wheel = 10
+    !> Elements with a reaction; `of_row` is a coupling, or a row by expressions.
+    integer, parameter :: of_joint = 1, of_wheel = 2, of_knife_edge = 3, of_distance = 4, of_row = 5, of_massless_wheel = 6
     !> An element of the kind k in the list of kinds has the type of_kind + k.
-    integer, parameter :: of_kind = 10
+    integer, parameter :: of_kind = 6
     !> Largest number of rows of an element: six freedoms, driven or not, and the row of a screw.
     integer, parameter :: most_rows = 7
 
@@ -108,8 +106,7 @@ contains
         case (sensed_reaction)
             call list_reaction(sensor, list)
         case default
-            ! Elements of the list of kinds have quantities of their own.
-            if (sensor%of <= of_kind) call list_force(sensor, list)
+            ! The kind of a force lists its quantities.
         end select
     end function quantities_of
 
@@ -170,19 +167,6 @@ contains
         end select
         if (sensor%is_driven) call add_quantity(sensor, list, 0, 'power', 'W', 'power that its motion gives to the mechanism')
     end subroutine list_reaction
-
-    !> Datasets of a force.
-    subroutine list_force(sensor, list)
-        type(sensor_type), intent(in) :: sensor
-        type(quantity_type), allocatable, intent(inout) :: list(:)
-
-        call add_quantity(sensor, list, 0, 'tension', 'N', 'tension between the points')
-        call add_quantity(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
-        call add_quantity(sensor, list, 0, 'length', 'm', 'distance of the points')
-        call add_quantity(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
-        call add_quantity(sensor, list, 0, 'energy', 'J', 'potential energy')
-        call add_quantity(sensor, list, 0, 'power', 'W', 'power of its dampers, laws and functions of time')
-    end subroutine list_force
 
     !> Evaluate a sensor. Turns are counted from the last evaluation: bodies rotate by at most half a turn more than their rates
     !> give.

@@ -21,9 +21,6 @@ contains
         allocate (self%touched(most))
         do pass = 1, 2
             n = 0
-            do i = 1, size(self%springs)
-                call add_pair(self%springs(i)%vector%first, self%springs(i)%vector%second)
-            end do
             do k = 1, size(self%kinds)
                 do i = 1, self%kinds(k)%of%n
                     call self%kinds(k)%of%touch(i, self%at, n_bodies, self%touched)
@@ -71,13 +68,6 @@ contains
                     self%window%dynamics_q(j, j) = self%window%dynamics_q(j, j) + lambda(self%before_norms + i)
                 end do
                 call close_window(self, [body], stiffness)
-            end associate
-        end do
-        do i = 1, size(self%springs)
-            associate (it => self%springs(i)%vector)
-                call open_window(self, [it%first, it%second])
-                call differentiate_springs(self%springs(i:i), needed, t, self%at%pose, self%at%f, self%at%laws, self%window)
-                call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
         do k = 1, size(self%kinds)

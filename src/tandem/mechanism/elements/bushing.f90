@@ -31,6 +31,7 @@ module tandem_mechanism_elements_bushing
         real(wp) :: stiffness(6, 6) = 0.0_wp, damping(6, 6) = 0.0_wp
     end type bushing_type
 
+    !> All bushings.
     type, extends(element_kind_type) :: bushing_kind_type
         type(bushing_type), allocatable, private :: list(:)
     contains

@@ -14,6 +14,7 @@ module tandem_mechanism_elements_friction
 
     public :: friction_kind_type
 
+    !> The word and the keys of friction.
     type, extends(element_kind_type) :: friction_kind_type
     contains
         procedure, nopass :: label, read => read_friction
@@ -131,7 +132,8 @@ contains
         full%viscous = 0.0_wp
         call self%add_torsion(name, joint, error, damping=law%viscous, law=full)
         if (allocated(error)) return
-        select type (torsions => self%kinds(self%kind_number('torsion'))%of)
+        k = self%kind_number('torsion')
+        select type (torsions => self%kinds(k)%of)
         type is (torsion_kind_type)
             call torsions%set_reaction(reaction)
         end select

@@ -35,6 +35,7 @@ module tandem_mechanism_elements_load
         integer :: motion = 0, formula(6) = 0
     end type load_type
 
+    !> All loads.
     type, extends(element_kind_type) :: load_kind_type
         type(load_type), allocatable, private :: list(:)
     contains

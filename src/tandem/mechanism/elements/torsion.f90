@@ -36,6 +36,7 @@ module tandem_mechanism_elements_torsion
         type(normal_force_type) :: reaction
     end type torsion_type
 
+    !> All torsions.
     type, extends(element_kind_type) :: torsion_kind_type
         type(torsion_type), allocatable, private :: list(:)
     contains
