@@ -3,10 +3,7 @@
 !> coordinates.
 submodule(tandem_mechanism) tandem_mechanism_analysed
     use tandem_mechanism_coordinate, only: differentiate_coordinate
-    use tandem_mechanism_force, only: spring_type, torsion_type
-    use tandem_mechanism_formula, only: is_time
     use tandem_mechanism_law, only: law_item_type, law_rate_type
-    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     implicit none (type, external)
@@ -15,7 +12,7 @@ contains
 
     module procedure list_motions
         call make_poses(self)
-        call list_rigid_motions(self%planar, self%bodies, self%pose(:size(self%bodies)), motions)
+        call list_rigid_motions(self%planar, self%bodies, self%at%pose(:size(self%bodies)), motions)
     end procedure list_motions
 
     module procedure force_rate
@@ -28,79 +25,39 @@ contains
         call self%evaluate(0, t, q, qd, self%at_row, stat)
         if (stat /= 0) return
         do i = 1, size(self%bodies)
-            call set_rates(self%pose(i), qd)
+            call set_rates(self%at%pose(i), qd)
         end do
-        call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
-        call add_rates(self, t, value, stat)
+        call set_displacements(self%at%pose(size(self%bodies) + 1:), 1, qd)
+        call add_rates(self, value, stat)
     end procedure force_rate
 
-    !> Apply every force element with the partial time derivative of its force in place of the force.
-    subroutine add_rates(self, t, value, stat)
+    !> Add the partial time derivatives of the forces of all elements. The context holds the rates of functions and laws meanwhile.
+    subroutine add_rates(self, value, stat)
         type(mechanism_type), intent(inout) :: self
-        real(wp), intent(in) :: t
         real(wp), intent(inout) :: value(:)
         integer, intent(inout) :: stat
-        type(spring_type), allocatable :: springs(:)
-        type(torsion_type), allocatable :: torsions(:)
-        type(load_type), allocatable :: loads(:)
-        type(law_item_type) :: laws(size(self%laws))
-        real(wp), allocatable :: rates(:, :)
+        type(law_item_type), allocatable :: laws(:)
+        real(wp), allocatable :: f(:, :)
         integer :: i
 
-        allocate (springs, source=self%springs)
-        allocate (torsions, source=self%torsions)
-        allocate (loads, source=self%loads)
-        allocate (rates(0:2, size(self%f, 2)), source=0.0_wp)
-        rates(0, :) = self%f(1, :)
+        call move_alloc(self%at%f, f)
+        call move_alloc(self%at%laws, laws)
+        allocate (self%at%f(0:2, size(f, 2)), source=0.0_wp)
+        self%at%f(0, :) = f(1, :)
+        allocate (self%at%laws(size(laws)))
         do i = 1, size(laws)
-            allocate (law_rate_type :: laws(i)%law)
-            select type (rate => laws(i)%law)
+            allocate (law_rate_type :: self%at%laws(i)%law)
+            select type (rate => self%at%laws(i)%law)
             type is (law_rate_type)
-                allocate (rate%law, source=self%laws(i)%law)
+                allocate (rate%law, source=laws(i)%law)
             end select
         end do
-        do i = 1, size(springs)
-            springs(i)%stiffness = 0.0_wp
-            springs(i)%damping = 0.0_wp
+        do i = 1, size(self%kinds)
+            call self%kinds(i)%of%add_rates(self%at, value, stat)
         end do
-        do i = 1, size(torsions)
-            torsions(i)%stiffness = 0.0_wp
-            torsions(i)%damping = 0.0_wp
-        end do
-        do i = 1, size(loads)
-            call take_rate(self, t, loads(i))
-        end do
-        call add_springs(springs, t, self%pose, rates, laws, value, stat)
-        call add_torsions(torsions, t, self%pose, rates, laws, value)
-        call add_loads(loads, t, self%pose, rates, self%formulas, self%coordinates, value)
+        call move_alloc(f, self%at%f)
+        call move_alloc(laws, self%at%laws)
     end subroutine add_rates
-
-    !> Replace the components of a load by their partial time derivatives.
-    subroutine take_rate(self, t, load)
-        type(mechanism_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        type(load_type), intent(inout) :: load
-        real(wp) :: push(6), value, rate
-        integer :: k, time
-
-        rate = 0.0_wp
-        if (load%motion > 0) rate = self%f(1, load%motion)
-        push = rate*[load%force, load%torque]
-        do k = 1, 6
-            if (load%formula(k) == 0) cycle
-            associate (formula => self%formulas(load%formula(k)))
-                time = findloc(formula%variables%kind, is_time, dim=1)
-                if (time == 0) cycle
-                call formula%read_state(t, self%pose, self%coordinates, .false.)
-                call formula%evaluate_gradient(value)
-                push(k) = push(k) + formula%gradient(time)
-            end associate
-        end do
-        load%force = push(1:3)
-        load%torque = push(4:6)
-        load%motion = 0
-        load%formula = 0
-    end subroutine take_rate
 
     module procedure start_sums
         type(pose_type), allocatable :: pose(:)
@@ -109,7 +66,7 @@ contains
         integer :: i, k
 
         if (.not. any(self%couplings%sum > 0)) return
-        allocate (pose(0:ubound(self%pose, 1)), source=self%pose)
+        allocate (pose(0:ubound(self%at%pose, 1)), source=self%at%pose)
         do i = 1, size(self%bodies)
             if (self%planar .and. self%bodies(i)%turns) call set_angle(pose(i), self%bodies(i)%angle, &
                 cos(self%bodies(i)%angle), sin(self%bodies(i)%angle))

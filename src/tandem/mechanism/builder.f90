@@ -13,13 +13,11 @@ module tandem_mechanism_builder
     use tandem_mechanism_perpendicular, only: perpendicular_type
     use tandem_mechanism_definition, only: angle_type, definition_type, motion_type
     use tandem_mechanism_expression, only: expression_type
-    use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
     use tandem_mechanism_formula, only: variable_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_velocity_joint, only: velocity_joint_type
     use tandem_mechanism_joint, only: name_length, placed_joint_type
     use tandem_mechanism_law, only: friction_law_type, law_type
-    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_plane, only: plane_type
     use tandem_mechanism_rate_row, only: rate_row_type

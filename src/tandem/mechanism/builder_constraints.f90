@@ -34,7 +34,7 @@ contains
         motion_number = 0
         if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
         call couple(self, name, numbers(:size(joints)), factors, &
-            merge('N  ', 'N m', self%coordinates(numbers(1))%kind == is_displacement), motion_number)
+            merge('N  ', 'N m', self%at%coordinates(numbers(1))%kind == is_displacement), motion_number)
         if (present(locked)) then
             associate (coupling => self%couplings(self%n_of%couplings))
                 coupling%can_be_freed = .true.

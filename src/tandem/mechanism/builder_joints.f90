@@ -270,8 +270,9 @@ contains
         type(coordinate_type), intent(in) :: coordinate
 
         self%n_of%coordinates = self%n_of%coordinates + 1
-        if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, coordinate]
-        self%coordinates(self%n_of%coordinates) = coordinate
+        if (self%n_of%coordinates > size(self%at%coordinates)) self%at%coordinates = [self%at%coordinates, self%at%coordinates, &
+            coordinate]
+        self%at%coordinates(self%n_of%coordinates) = coordinate
     end subroutine keep_coordinate
 
     !> Append a perpendicularity row.
@@ -486,7 +487,7 @@ contains
         type(coupling_type) :: coupling
 
         coupling%n = size(numbers)
-        coupling%coordinates(:coupling%n) = self%coordinates(numbers)
+        coupling%coordinates(:coupling%n) = self%at%coordinates(numbers)
         coupling%factors(:coupling%n) = factors
         if (present(motion)) coupling%motion = motion
         call self%held%add(name, unit)

@@ -77,8 +77,9 @@ contains
             wheel%slide = -self%n_of%slides
             strut = slide_coordinate(wheel%slide)
             self%n_of%coordinates = self%n_of%coordinates + 1
-            if (self%n_of%coordinates > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, strut]
-            self%coordinates(self%n_of%coordinates) = strut
+            if (self%n_of%coordinates > size(self%at%coordinates)) self%at%coordinates = [self%at%coordinates, &
+                self%at%coordinates, strut]
+            self%at%coordinates(self%n_of%coordinates) = strut
             wheel%displacement = self%n_of%coordinates
         end if
         self%n_of%massless_wheels = self%n_of%massless_wheels + 1

@@ -2,10 +2,9 @@
 !> Builder procedures for sensors, and for the results of bodies, reactions and forces, which are sensors in separate groups.
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_sensors
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_displacement
     use tandem_mechanism_refusal, only: refuse
-    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_knife_edge, of_joint, of_load, of_massless_wheel, of_row, &
-        of_spring, of_torsion, of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, &
+    use tandem_mechanism_sensor, only: of_distance, of_knife_edge, of_joint, of_kind, of_massless_wheel, of_row, &
+        of_wheel, sensed_balance, sensed_body, sensed_distance, sensed_energy, sensed_force, &
         sensed_joint, sensed_point, sensed_reaction
     use tandem_names, only: question
     implicit none (type, external)
@@ -50,8 +49,8 @@ contains
                 return
             end if
             sensor%planar = self%planar
-            if (sensor%slides) sensor%displacement = self%coordinates(its%displacement)
-            if (sensor%turns) sensor%rotation = self%coordinates(its%rotation)
+            if (sensor%slides) sensor%displacement = self%at%coordinates(its%displacement)
+            if (sensor%turns) sensor%rotation = self%at%coordinates(its%rotation)
             if (present(zero)) sensor%zero = zero
         end associate
         call keep_sensor(self, sensor)
@@ -72,7 +71,7 @@ contains
             return
         end if
         sensor%slides = .true.
-        sensor%displacement = self%coordinates(self%massless_wheels(number)%displacement)
+        sensor%displacement = self%at%coordinates(self%massless_wheels(number)%displacement)
         call keep_sensor(self, sensor)
     end subroutine add_slide_sensor
 
@@ -202,8 +201,8 @@ contains
     end subroutine find_rows
 
     module procedure add_force_sensor
-        integer, parameter :: types(4) = [of_spring, of_torsion, of_bushing, of_load]
         type(sensor_type) :: sensor
+        integer, allocatable :: types(:)
         integer :: i, k, first, second
 
         sensor%kind = sensed_force
@@ -212,36 +211,25 @@ contains
         if (allocated(error)) return
         k = self%index_of%names%get(element)
         if (k > 0) sensor%of = self%types(k)
+        types = types_of(self, 'forces')
         if (.not. any(sensor%of == types)) then
             call refuse('sensor '//trim(name)//': '//trim(element)//' is not a force'// &
                 question(trim(element), names_of(self, types)), 'correct the name', error)
             return
         end if
         sensor%number = self%numbers(k)
-        select case (sensor%of)
-        case (of_spring)
-            first = self%springs(sensor%number)%vector%first
-            second = self%springs(sensor%number)%vector%second
-        case (of_torsion)
-            associate (coordinate => self%torsions(sensor%number)%coordinate)
-                first = coordinate%first
-                second = coordinate%second
-                ! The displacement of a wheel belongs to no body: the force is between the wheel and the body that carries it.
-                ! A sum belongs to no body at all.
-                if (second < 0) then
-                    i = findloc(self%massless_wheels%slide, second, dim=1)
-                    if (i > 0) first = self%massless_wheels(i)%body
-                end if
-                sensor%slides = coordinate%kind == is_displacement
-            end associate
-            sensor%has_reaction_friction = self%torsions(sensor%number)%reaction%n > 0
-        case (of_bushing)
-            first = self%bushings(sensor%number)%coordinates(1)%first
-            second = self%bushings(sensor%number)%coordinates(1)%second
-        case default
-            first = -1
-            second = self%loads(sensor%number)%body
-        end select
+        associate (attachment => self%kinds(sensor%of - of_kind)%of%attachment(sensor%number))
+            first = attachment%body(1)
+            second = attachment%body(2)
+            sensor%slides = attachment%slides
+            sensor%has_reaction_friction = attachment%needs_multipliers
+        end associate
+        ! The displacement of a wheel belongs to no body: the force is between the wheel and the body that carries it. A sum belongs
+        ! to no body at all.
+        if (second < 0) then
+            i = findloc(self%massless_wheels%slide, second, dim=1)
+            if (i > 0) first = self%massless_wheels(i)%body
+        end if
         sensor%between(2) = name_of(self, second)
         if (first >= 0) sensor%between(1) = name_of(self, first)
         call keep_sensor(self, sensor)
@@ -253,7 +241,7 @@ contains
         integer :: i, k
 
         if (.not. allocated(self%types)) call self%clear()
-        types = types_of(kind)
+        types = types_of(self, kind)
         if (size(types) == 0) then
             call refuse('results of '//kind, 'use bodies, joints, wheels, constraints or forces', error)
             return
@@ -276,7 +264,7 @@ contains
             select case (self%types(k))
             case (0)
                 call self%add_body_sensor(list(i), list(i), error, kind)
-            case (of_spring, of_torsion, of_bushing, of_load)
+            case (of_kind + 1:)
                 call self%add_force_sensor(list(i), list(i), error, kind)
             case (of_joint)
                 associate (its => self%joints(self%numbers(k)))
@@ -296,9 +284,11 @@ contains
     end procedure add_results
 
     !> Types of elements in a kind of results.
-    pure function types_of(kind) result(types)
+    pure function types_of(self, kind) result(types)
+        class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: kind
         integer, allocatable :: types(:)
+        integer :: k
 
         select case (kind)
         case ('bodies')
@@ -310,7 +300,7 @@ contains
         case ('constraints')
             types = [of_distance, of_row]
         case ('forces')
-            types = [of_spring, of_torsion, of_bushing, of_load]
+            types = [(of_kind + k, k=1, size(self%kinds))]
         case default
             allocate (types(0))
         end select

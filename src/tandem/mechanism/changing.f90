@@ -1,10 +1,10 @@
 ! SPDX-License-Identifier: MIT
-!> Changes by events: `lock NAME` and `free NAME` of a coupling that can be freed, and `force.NAME.KEY = NUMBER` of springs and
-!> torsions, where the number may be an expression of constants.
+!> Changes by events: `lock NAME` and `free NAME` of a coupling that can be freed, and `force.NAME.KEY = NUMBER` of an element with
+!> such a number, where the number may be an expression of constants.
 submodule(tandem_mechanism) tandem_mechanism_changing
     use tandem_mechanism_coupling, only: lock_coupling
     use tandem_mechanism_expression, only: expression_type, parse_expression
-    use tandem_mechanism_sensor, only: of_spring, of_torsion
+    use tandem_mechanism_sensor, only: of_kind
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -46,13 +46,13 @@ contains
         if (locks .and. .not. self%couplings(k)%is_locked) then
             ! Set only the poses and the functions of time; evaluate no term.
             call self%evaluate(0, t, q, q, self%at_row, stat)
-            call lock_coupling(self%couplings(k), self%pose, self%f)
+            call lock_coupling(self%couplings(k), self%at%pose, self%at%f)
         else if (.not. locks) then
             self%couplings(k)%is_locked = .false.
         end if
     end subroutine switch
 
-    !> Set a number of a spring or a torsion.
+    !> Set a number of an element.
     subroutine set_number(self, text, is_trial, problem)
         type(mechanism_type), intent(inout) :: self
         character(len=*), intent(in) :: text
@@ -60,10 +60,12 @@ contains
         character(len=*), intent(out) :: problem
         character(len=*), parameter :: head = 'force.'
         character(len=len(text)) :: name, key
+        character(len=9) :: names(3)
+        character(len=:), allocatable :: words
         type(expression_type) :: expression
         type(error_type), allocatable :: error
         real(wp) :: number
-        integer :: dot, equal, type_of, i
+        integer :: dot, equal, type_of, i, k
 
         equal = index(text, '=')
         dot = index(text(:equal - 1), '.', back=.true.)
@@ -78,57 +80,30 @@ contains
         name = text(len(head) + 1:dot - 1)
         key = text(dot + 1:equal - 1)
         call self%find_element(trim(name), type_of, i)
-        problem = trim(name)//' is neither a spring nor a torsion'
-        select case (type_of)
-        case (of_spring)
-            associate (spring => self%springs(i))
-                call set(spring%stiffness, spring%damping, spring%length, 'length')
-            end associate
-        case (of_torsion)
-            associate (torsion => self%torsions(i))
-                call set(torsion%stiffness, torsion%damping, torsion%angle, 'angle')
-            end associate
-        case default
-            return
-        end select
-
-    contains
-
-        subroutine set(stiffness, damping, rest, rest_name)
-            real(wp), intent(inout) :: stiffness, damping, rest
-            character(len=*), intent(in) :: rest_name
-
+        names = ''
+        if (type_of > of_kind) call self%kinds(type_of - of_kind)%of%list_settings(names)
+        k = findloc(names == key, .true., dim=1)
+        if (names(1) == '') then
+            call self%list_words(.true., ' nor ', words)
+            problem = trim(name)//' is neither '//words
+        else if (k == 0) then
+            problem = trim(name)//' has no number '//trim(key)//' that events may set: use '//trim(names(1))//', '// &
+                trim(names(2))//' or '//trim(names(3))
+        else
             problem = ''
-            if (all(key /= [character(len=9) :: 'stiffness', 'damping', rest_name])) then
-                problem = trim(name)//' has no number '//trim(key)//' that events may set: use stiffness, damping or '//rest_name
-            else if (is_trial) then
-                return
-            else if (key == 'stiffness') then
-                stiffness = number
-            else if (key == 'damping') then
-                damping = number
-            else
-                rest = number
-            end if
-        end subroutine set
+            if (.not. is_trial) call self%kinds(type_of - of_kind)%of%set(i, k, number)
+        end if
     end subroutine set_number
 
     module procedure pack_state
         integer :: i, k
 
-        do i = 1, size(self%torsions)
-            call pack%item(self%torsions(i)%coordinate%last)
-            call pack%item(self%torsions(i)%stiffness)
-            call pack%item(self%torsions(i)%damping)
-            call pack%item(self%torsions(i)%angle)
+        ! In reverse order, the one of existing checkpoints.
+        do k = size(self%kinds), 1, -1
+            call self%kinds(k)%of%pack_state(pack)
         end do
-        do i = 1, size(self%springs)
-            call pack%item(self%springs(i)%stiffness)
-            call pack%item(self%springs(i)%damping)
-            call pack%item(self%springs(i)%length)
-        end do
-        do i = 1, size(self%coordinates)
-            call pack%item(self%coordinates(i)%last)
+        do i = 1, size(self%at%coordinates)
+            call pack%item(self%at%coordinates(i)%last)
         end do
         do i = 1, size(self%couplings)
             if (self%couplings(i)%drops_turns) cycle

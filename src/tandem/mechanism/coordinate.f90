@@ -1,6 +1,6 @@
 ! SPDX-License-Identifier: MIT
 !> Scalar coordinates x(q) between two bodies: the displacement along an axis of the first body, the distance of two points, the
-!> angle about a common axis, or a small angle. Couplings constrain sums of coordinates, springs and bushings act along them,
+!> angle about a common axis, or a small angle. Couplings constrain sums of coordinates, forces act along them,
 !> expressions and sensors read them. Each provides its value and gradient, their derivatives along the motion, and its second
 !> gradient.
 !>
@@ -9,7 +9,7 @@
 module tandem_mechanism_coordinate
     use tandem_kinds, only: wp
     use tandem_mechanism_perpendicular, only: set_vectors, dot_gradient, dot_second, perpendicular_type
-    use tandem_mechanism_pair, only: add_outer, n_local, turn_1, turn_2
+    use tandem_mechanism_pair, only: add_outer, n_local, place_1, place_2, turn_1, turn_2
     use tandem_mechanism_pose, only: pose_type, turned
     use tandem_mechanism_point_vector, only: vector_gradient, vector_second, point_vector_type, vector_between
     use tandem_mechanism_vector, only: cross
@@ -18,7 +18,8 @@ module tandem_mechanism_coordinate
     private
 
     public :: coordinate_type, begin_turns, count_turns, end_search, measure, measure_apart, differentiate_coordinate, find_slope
-    public :: slide_coordinate, pi, is_displacement, is_distance, is_angle, is_tilt, is_elevation
+    public :: slide_coordinate, pi, is_displacement, is_distance, is_angle, is_tilt, is_elevation, is_rotation
+    public :: number_slide, subtract_force
 
     !> Kinds of coordinates: displacement, the scalar product `one` (m); distance (m); angle (rad) whose cosine and sine are the
     !> scalar products `one` and `other`, in the plane the difference of two angles; small angle (one - other)/2, which is the sine
@@ -206,6 +207,53 @@ contains
             end if
         end associate
     end subroutine find_slope
+
+    !> force := force - f x_q.
+    pure subroutine subtract_force(coordinate, pose, f, gradient, force)
+        type(coordinate_type), intent(in) :: coordinate
+        type(pose_type), intent(in) :: pose(0:)
+        real(wp), intent(in) :: f, gradient(n_local)
+        real(wp), intent(inout) :: force(:)
+
+        call subtract_on_body(pose(coordinate%first), f, gradient(place_1 + 1:place_2), force)
+        call subtract_on_body(pose(coordinate%second), f, gradient(place_2 + 1:), force)
+    end subroutine subtract_force
+
+    !> force := force - f x_q for the coordinates of one body.
+    pure subroutine subtract_on_body(pose, f, gradient, force)
+        type(pose_type), intent(in) :: pose
+        !> Gradient x_q of one body: three entries for its position, then four for its rotation.
+        real(wp), intent(in) :: f, gradient(7)
+        real(wp), intent(inout) :: force(:)
+        integer :: k
+
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do k = 1, pose%n_place
+            force(pose%place + k - 1) = force(pose%place + k - 1) - f*gradient(k)
+        end do
+        !GCC$ NOVECTOR
+        !GCC$ UNROLL 1
+        do k = 1, pose%n_turn
+            force(pose%turn + k - 1) = force(pose%turn + k - 1) - f*gradient(3 + k)
+        end do
+    end subroutine subtract_on_body
+
+    !> Move the pose of a sliding part, -i until its number is known, behind those of the bodies.
+    pure subroutine number_slide(self, n_bodies)
+        type(coordinate_type), intent(inout) :: self
+        integer, intent(in) :: n_bodies
+
+        if (self%second < 0) self%second = n_bodies - self%second
+        if (self%one%second < 0) self%one%second = n_bodies - self%one%second
+    end subroutine number_slide
+
+    !> True for a coordinate measured in radians.
+    pure logical function is_rotation(self)
+        type(coordinate_type), intent(in) :: self
+
+        is_rotation = any(self%kind == [is_angle, is_elevation, is_tilt])
+    end function is_rotation
 
     !> Gradient 2 E(p)'n/(p'p) of the angle of rotation about n: the scalar product of n and the angular velocity is this row times
     !> pd.

@@ -5,18 +5,18 @@ module tandem_mechanism_definition
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type, point_type
+    use tandem_mechanism_context, only: context_type
     use tandem_mechanism_coordinate, only: coordinate_type
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_perpendicular, only: perpendicular_type
+    use tandem_mechanism_element_kind, only: kind_item_type, word_length
     use tandem_mechanism_expression, only: expression_type
-    use tandem_mechanism_force, only: bushing_type, spring_type, torsion_type
     use tandem_mechanism_formula, only: formula_type, is_joint, is_joint_rate, is_place, is_spin, is_time, is_turn, is_turn_rate, &
         is_velocity, variable_name_length, variable_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_velocity_joint, only: velocity_joint_type
     use tandem_mechanism_joint, only: joint_type, name_length
     use tandem_mechanism_law, only: law_item_type, law_type
-    use tandem_mechanism_load, only: load_type
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_rate_row, only: rate_row_type
@@ -25,7 +25,7 @@ module tandem_mechanism_definition
     use tandem_mechanism_row_list, only: row_list_type
     use tandem_mechanism_sensor, only: of_joint, of_massless_wheel, of_row, sensor_type
     use tandem_mechanism_point_vector, only: point_vector_type
-    use tandem_model, only: model_type
+    use tandem_model, only: model_type, quantity_type
     use tandem_name_index, only: name_index_type
     use tandem_rigid_euler_parameters, only: rotation
     implicit none (type, external)
@@ -52,9 +52,8 @@ module tandem_mechanism_definition
     !> Number of elements of each type.
     type :: numbers_type
         integer :: bodies = 0, points = 0, joints = 0, motions = 0, perpendiculars = 0, coincidences = 0, distances = 0, &
-            angles = 0, &
-            springs = 0, torsions = 0, bushings = 0, loads = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, &
-            velocity_joints = 0, knife_edges = 0, rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
+            angles = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, velocity_joints = 0, knife_edges = 0, &
+            rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
     end type numbers_type
 
     !> Indices by name: of all elements; of points (`body.point`); of sensors; of the first function of time of an element.
@@ -81,14 +80,10 @@ module tandem_mechanism_definition
         type(perpendicular_type), allocatable :: perpendiculars(:)
         type(point_vector_type), allocatable :: coincidences(:), distances(:)
         type(angle_type), allocatable :: angles(:)
-        type(spring_type), allocatable :: springs(:)
-        type(torsion_type), allocatable :: torsions(:)
-        type(bushing_type), allocatable :: bushings(:)
-        type(load_type), allocatable :: loads(:)
-        !> Parts of forces: laws of springs, expressions of the state, coordinates of joints.
-        type(law_item_type), allocatable :: laws(:)
-        type(formula_type), allocatable :: formulas(:)
-        type(coordinate_type), allocatable :: coordinates(:)
+        !> Kinds of elements that exert forces, each with its elements.
+        type(kind_item_type), allocatable :: kinds(:)
+        !> Point of the last evaluation, and objects that elements share: laws, expressions of the state, coordinates of joints.
+        type(context_type) :: at
         type(coupling_type), allocatable :: couplings(:)
         type(velocity_joint_type), allocatable :: velocity_joints(:)
         type(rate_row_type), allocatable :: rate_rows(:)
@@ -106,7 +101,7 @@ module tandem_mechanism_definition
         real(wp), allocatable :: searched(:), ahead(:)
         logical, allocatable :: jumps_ahead(:)
     contains
-        procedure :: clear, fit, find_body, find_element
+        procedure :: clear, fit, find_body, find_element, kind_number, n_elements, list_words
         procedure :: keep_name, variable_names, list_variables
         procedure :: take_motion, take_law, take_formula, take_direction
         procedure :: need_turning_body, find_coordinate, frame_of, angle_of, reference_length
@@ -114,6 +109,12 @@ module tandem_mechanism_definition
     end type definition_type
 
     interface
+        !> List all kinds of elements, without elements.
+        pure module subroutine list_kinds(kinds)
+            implicit none (type, external)
+            type(kind_item_type), allocatable, intent(inout) :: kinds(:)
+        end subroutine list_kinds
+
         !> Find the first kinks of functions of time. Steps end at kinks; qd jumps at a kink in the rate of a motion.
         module subroutine begin_breakpoints(self, error)
             implicit none (type, external)
@@ -161,14 +162,11 @@ contains
         self%coincidences = [point_vector_type ::]
         self%distances = [point_vector_type ::]
         self%angles = [angle_type ::]
-        self%springs = [spring_type ::]
-        self%torsions = [torsion_type ::]
-        self%bushings = [bushing_type ::]
-        self%loads = [load_type ::]
-        if (allocated(self%laws)) deallocate (self%laws)
-        if (allocated(self%formulas)) deallocate (self%formulas)
-        allocate (self%laws(0), self%formulas(0))
-        self%coordinates = [coordinate_type ::]
+        call list_kinds(self%kinds)
+        if (allocated(self%at%laws)) deallocate (self%at%laws)
+        if (allocated(self%at%formulas)) deallocate (self%at%formulas)
+        allocate (self%at%laws(0), self%at%formulas(0))
+        self%at%coordinates = [coordinate_type ::]
         self%couplings = [coupling_type ::]
         self%velocity_joints = [velocity_joint_type ::]
         if (allocated(self%rate_rows)) deallocate (self%rate_rows)
@@ -231,6 +229,54 @@ contains
         number = self%numbers(k)
     end subroutine find_element
 
+    !> Index of the kind of elements of a word, 0 if there is none.
+    pure integer function kind_number(self, label)
+        class(definition_type), intent(in) :: self
+        character(len=*), intent(in) :: label
+
+        do kind_number = size(self%kinds), 1, -1
+            if (self%kinds(kind_number)%of%label() == label) exit
+        end do
+    end function kind_number
+
+    !> Number of elements of all kinds.
+    pure integer function n_elements(self)
+        class(definition_type), intent(in) :: self
+        integer :: k
+
+        n_elements = sum([(self%kinds(k)%of%n, k=1, size(self%kinds))])
+    end function n_elements
+
+    !> List the words of kinds whose elements have sensors, or numbers that events may set, with articles: `a ..., a ... or a ...`.
+    subroutine list_words(self, of_settings, last, text)
+        class(definition_type), intent(in) :: self
+        logical, intent(in) :: of_settings
+        !> Separator before the last word.
+        character(len=*), intent(in) :: last
+        character(len=:), allocatable, intent(out) :: text
+        type(quantity_type), allocatable :: quantities(:)
+        character(len=9) :: names(3)
+        character(len=word_length) :: words(size(self%kinds))
+        integer :: k, n
+
+        n = 0
+        do k = 1, size(self%kinds)
+            allocate (quantities(0))
+            call self%kinds(k)%of%list_quantities(sensor_type(), quantities)
+            call self%kinds(k)%of%list_settings(names)
+            if (merge(names(1) /= '', size(quantities) > 0, of_settings)) then
+                n = n + 1
+                words(n) = self%kinds(k)%of%label()
+            end if
+            deallocate (quantities)
+        end do
+        text = 'a '//trim(words(1))
+        do k = 2, n - 1
+            text = text//', a '//trim(words(k))
+        end do
+        if (n > 1) text = text//last//'a '//trim(words(n))
+    end subroutine list_words
+
     !> Distance of two points in the reference configuration.
     pure real(wp) function reference_length(self, vector)
         class(definition_type), intent(in) :: self
@@ -284,9 +330,9 @@ contains
         integer, intent(out) :: number
 
         number = self%n_of%laws + 1
-        if (number > size(self%laws)) call resize_laws(self, 2*number)
+        if (number > size(self%at%laws)) call resize_laws(self, 2*number)
         self%n_of%laws = number
-        allocate (self%laws(number)%law, source=law)
+        allocate (self%at%laws(number)%law, source=law)
     end subroutine take_law
 
     !> Allocate room for a number of laws.
@@ -298,9 +344,9 @@ contains
 
         allocate (others(room))
         do i = 1, self%n_of%laws
-            call move_alloc(self%laws(i)%law, others(i)%law)
+            call move_alloc(self%at%laws(i)%law, others(i)%law)
         end do
-        call move_alloc(others, self%laws)
+        call move_alloc(others, self%at%laws)
     end subroutine resize_laws
 
     !> Append an expression of the state, and return its index.
@@ -310,9 +356,9 @@ contains
         integer, intent(out) :: number
 
         number = self%n_of%formulas + 1
-        if (number > size(self%formulas)) call resize_formulas(self, 2*number)
+        if (number > size(self%at%formulas)) call resize_formulas(self, 2*number)
         self%n_of%formulas = number
-        call self%formulas(number)%initialize(expression, self%list_variables())
+        call self%at%formulas(number)%initialize(expression, self%list_variables())
     end subroutine take_formula
 
     !> Allocate room for a number of expressions of the state.
@@ -322,14 +368,18 @@ contains
         type(formula_type), allocatable :: others(:)
 
         allocate (others(room))
-        others(:self%n_of%formulas) = self%formulas(:self%n_of%formulas)
-        call move_alloc(others, self%formulas)
+        others(:self%n_of%formulas) = self%at%formulas(:self%n_of%formulas)
+        call move_alloc(others, self%at%formulas)
     end subroutine resize_formulas
 
     !> Trim the lists to their used lengths.
     subroutine fit(self)
         class(definition_type), intent(inout) :: self
+        integer :: k
 
+        do k = 1, size(self%kinds)
+            call self%kinds(k)%of%fit()
+        end do
         associate (n => self%n_of)
             self%bodies = self%bodies(:n%bodies)
             self%points = self%points(:n%points)
@@ -338,11 +388,7 @@ contains
             self%coincidences = self%coincidences(:n%coincidences)
             self%distances = self%distances(:n%distances)
             self%angles = self%angles(:n%angles)
-            self%springs = self%springs(:n%springs)
-            self%torsions = self%torsions(:n%torsions)
-            self%bushings = self%bushings(:n%bushings)
-            self%loads = self%loads(:n%loads)
-            self%coordinates = self%coordinates(:n%coordinates)
+            self%at%coordinates = self%at%coordinates(:n%coordinates)
             self%couplings = self%couplings(:n%couplings)
             self%velocity_joints = self%velocity_joints(:n%velocity_joints)
             self%knife_edges = self%knife_edges(:n%knife_edges)

@@ -4,13 +4,12 @@ module tandem_mechanism_described_elements
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
-    use tandem_mechanism_described_points, only: take_point, take_points
+    use tandem_mechanism_described_points, only: list_variables, take_point, take_points
     use tandem_mechanism_element_keys, only: key_length, text_length
+    use tandem_mechanism_element_kind, only: word_length
     use tandem_mechanism_expression, only: expression_type
-    use tandem_mechanism_formula, only: variable_name_length
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, reader_type, not_negative, positive
-    use tandem_mechanism_law, only: friction_law_type, law_type
     use tandem_mechanism_plane, only: plane_type
     implicit none (type, external)
     private
@@ -168,155 +167,20 @@ contains
         integer, intent(in) :: number
         type(mechanism_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
-        character(len=:), allocatable :: kind, name, text
-        character(len=key_length) :: points(2), point
-        character(len=key_length), allocatable :: variables(:)
-        real(wp), allocatable :: stiffness, damping, length, angle, force(:), torque(:), matrix(:), rates(:), at(:), axis(:), &
-            across(:)
-        class(function_type), allocatable :: motion
-        class(law_type), allocatable :: law
-        type(expression_type), allocatable :: by_force(:), by_torque(:)
-        type(error_type), allocatable :: error
-        logical :: in_body
-        integer :: n
+        character(len=word_length), allocatable :: words(:)
+        character(len=:), allocatable :: kind
+        integer :: k
 
         call reader%open_table('force', number)
         if (reader%failed()) return
-        name = reader%name
-        call reader%get_word('type', kind, [character(len=8) :: 'spring', 'torsion', 'bushing', 'load', 'friction'], &
-            required=.true.)
-        if (reader%failed()) return
-        if (kind == 'friction') then
-            call read_friction(reader, name, mechanism)
-            return
-        end if
-        if (kind == 'spring' .or. kind == 'torsion') then
-            stiffness = 0.0_wp
-            damping = 0.0_wp
-        end if
-        select case (kind)
-        case ('spring')
-            call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
-            call reader%get_number('stiffness', stiffness, anything, 'N/m', '')
-            call reader%get_number('damping', damping, anything, 'N s/m', '')
-            call reader%get_number('length', length, not_negative, 'm', &
-                'length without force; default: length in the reference configuration')
-            call reader%get_function('tension', motion, 'N', 'additional tension')
-            call reader%get_law('law', 'length', law, 'N', 'additional tension, a function of t, length and rate')
-        case ('torsion')
-            call reader%get('joint', text, 'that rotates or slides; "joint.angle" or "joint.displacement" if it does both', &
-                required=.true.)
-            call reader%get_number('stiffness', stiffness, anything, 'N m/rad', '')
-            call reader%get_number('damping', damping, anything, 'N m s/rad', '')
-            angle = 0.0_wp
-            call reader%get_number('angle', angle, anything, 'rad', 'angle without torque, from the reference configuration')
-            call reader%get_function('torque', motion, 'N m', 'additional torque, positive if it accelerates the angle')
-            call reader%get_law('law', 'angle', law, 'N m', &
-                'additional torque, a function of t, angle and rate, with the same sign')
-        case ('bushing')
-            call take_points(reader, 'between', mechanism, n_points, points, 'two bodies, or points of them', .true.)
-            n = merge(3, 6, mechanism%planar)
-            call reader%get_numbers('stiffness', [n, n*n], matrix, anything, 'N/m, N m/rad', &
-                'along and about the axes of its frame, or the matrix, by its rows', row_length=n)
-            call reader%get_numbers('damping', [n, n*n], rates, anything, 'N s/m, N m s/rad', 'damping, in the same form', &
-                row_length=n)
-            call reader%get_numbers('at', [merge(2, 3, mechanism%planar)], at, anything, 'm', &
-                'position in the reference configuration')
-            call reader%get_numbers('axis', [merge(2, 3, mechanism%planar)], axis, anything, '', &
-                'z axis of its frame; in the plane the x axis')
-            if (.not. mechanism%planar) call reader%get_numbers('across', [3], across, anything, '', &
-                'direction nearest to the x axis')
-        case default
-            call reader%get('on', text, 'a body, or a point of it', required=.true.)
-            if (reader%failed()) return
-            call take_point(reader, 'on', text, mechanism, n_points, point)
-            allocate (variables(0))
-            ! The number of variables grows with the number of bodies, and most loads need none.
-            if (reader%has_text('force') .or. reader%has_text('torque')) call list_variables(mechanism, variables)
-            call reader%get_expressions('force', [merge(2, 3, mechanism%planar)], variables, by_force, 'N', &
-                'numbers, or expressions of t and the state, such as "rod.x" or "rod.vx"')
-            call reader%get_expressions('torque', [merge(1, 3, mechanism%planar)], variables, by_torque, 'N m', &
-                'torque, in the same form')
-            call take_constants(by_force, force)
-            call take_constants(by_torque, torque)
-            if (.not. (reader%gives('force') .or. reader%gives('torque'))) then
-              call reader%fail('', 'has neither force nor torque', 'give force = [...], torque = [...], or both')
-            end if
-            in_body = .false.
-            call reader%get('in_body', in_body, 'true: they rotate with the body')
-            call reader%get_function('factor', motion, '', 'factor, a function of time')
-        end select
-        call reader%close_table()
-        if (reader%failed()) return
-        select case (kind)
-        case ('spring')
-            call mechanism%add_spring(name, trim(points(1)), trim(points(2)), error, stiffness, damping, length, motion, law)
-        case ('torsion')
-            call mechanism%add_torsion(name, text, error, stiffness, damping, angle, motion, law)
-        case ('bushing')
-            call mechanism%add_bushing(name, trim(points(1)), trim(points(2)), error, matrix, rates, at, axis, across)
-        case default
-            call mechanism%add_load(name, trim(point), error, force, torque, in_body, motion, by_force, by_torque)
-        end select
-        call reader%blame(error)
-    end subroutine read_force
-
-    !> Friction along the coordinate of a joint.
-    subroutine read_friction(reader, name, mechanism)
-        type(reader_type), intent(inout) :: reader
-        character(len=*), intent(in) :: name
-        type(mechanism_type), intent(inout) :: mechanism
-        character(len=:), allocatable :: joint
-        real(wp), allocatable :: normal, static, dynamic, speed, viscous, radius, arm
-        type(error_type), allocatable :: error
-
-        call reader%get('joint', joint, 'that rotates or slides; "joint.angle" or "joint.displacement" if it does both', &
-            required=.true.)
-        call reader%get_number('normal', normal, not_negative, 'N, N m', &
-            'prescribed normal force; for a rotation times the radius. Default: the reaction of the joint')
-        call reader%get_number('radius', radius, positive, 'm', 'radius of the sliding surface, with the reaction')
-        call reader%get_number('arm', arm, positive, 'm', &
-            'lever arm of torques, with the reaction; default: torques do not contribute')
-        call reader%get_number('dynamic', dynamic, not_negative, '', 'coefficient of sliding friction', required=.true.)
-        call reader%get_number('static', static, not_negative, '', 'largest coefficient, at the transition speed')
-        call reader%get_number('speed', speed, positive, 'm/s, rad/s', 'transition speed', required=.true.)
-        viscous = 0.0_wp
-        call reader%get_number('viscous', viscous, not_negative, 'N s/m, N m s', 'additional viscous damping')
-        call reader%close_table()
-        if (reader%failed()) return
-        if (.not. allocated(static)) static = dynamic
-        if (static < dynamic) then
-            call reader%fail('static', 'is smaller than the coefficient of sliding friction', 'increase it or remove it')
-            return
-        end if
-        call mechanism%add_friction(name, joint, error, friction_law_type(dynamic=dynamic, speed=speed, static=static, &
-            viscous=viscous), normal, radius, arm)
-        call reader%blame(error)
-    end subroutine read_friction
-
-    !> Variables that expressions may contain. A function result of another text length in an array constructor overruns its memory
-    !> in gfortran 12.
-    subroutine list_variables(mechanism, variables)
-        type(mechanism_type), intent(in) :: mechanism
-        character(len=key_length), allocatable, intent(out) :: variables(:)
-        character(len=variable_name_length), allocatable :: names(:)
-
-        allocate (names, source=mechanism%variable_names())
-        allocate (variables(size(names)))
-        variables = names
-    end subroutine list_variables
-
-    !> Convert expressions without variables to numbers.
-    pure subroutine take_constants(expressions, numbers)
-        type(expression_type), allocatable, intent(inout) :: expressions(:)
-        real(wp), allocatable, intent(out) :: numbers(:)
-        integer :: i
-
-        if (.not. allocated(expressions)) return
-        do i = 1, size(expressions)
-            if (.not. expressions(i)%is_constant()) return
+        if (.not. allocated(mechanism%kinds)) call mechanism%clear()
+        allocate (words(size(mechanism%kinds)))
+        do k = 1, size(words)
+            words(k) = mechanism%kinds(k)%of%label()
         end do
-        numbers = [(expressions(i)%value([real(wp) ::]), i=1, size(expressions))]
-        deallocate (expressions)
-    end subroutine take_constants
+        call reader%get_word('type', kind, words, required=.true.)
+        if (reader%failed()) return
+        k = mechanism%kind_number(kind)
+        call mechanism%kinds(k)%of%read(reader, mechanism, n_points)
+    end subroutine read_force
 end module tandem_mechanism_described_elements

@@ -1,15 +1,17 @@
 ! SPDX-License-Identifier: MIT
-!> Points in the keys of a mechanism: named points of bodies, and points of elements given by text.
+!> Points in the keys of a mechanism: named points of bodies, and points of elements given by text; names of the variables that
+!> expressions in keys may contain.
 module tandem_mechanism_described_points
     use tandem_error, only: error_type
     use tandem_kinds, only: wp
-    use tandem_mechanism, only: mechanism_type
+    use tandem_mechanism_builder, only: builder_type
     use tandem_mechanism_element_keys, only: key_length, text_length
+    use tandem_mechanism_formula, only: variable_type
     use tandem_mechanism_key_reader, only: anything, reader_type
     implicit none (type, external)
     private
 
-    public :: read_points, take_point, take_points
+    public :: read_points, take_point, take_points, list_variables
 
 contains
 
@@ -17,7 +19,7 @@ contains
     subroutine read_points(reader, body, mechanism)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: body
-        type(mechanism_type), intent(inout) :: mechanism
+        class(builder_type), intent(inout) :: mechanism
         character(len=key_length), allocatable :: names(:)
         real(wp), allocatable :: place(:)
         type(error_type), allocatable :: error
@@ -38,7 +40,7 @@ contains
     subroutine take_point(reader, key, text, mechanism, n_points, point)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: key, text
-        type(mechanism_type), intent(inout) :: mechanism
+        class(builder_type), intent(inout) :: mechanism
         !> Number of unnamed points so far.
         integer, intent(inout) :: n_points
         character(len=key_length), intent(out) :: point
@@ -80,7 +82,7 @@ contains
     subroutine take_points(reader, key, mechanism, n_points, points, help, required)
         type(reader_type), intent(inout) :: reader
         character(len=*), intent(in) :: key
-        type(mechanism_type), intent(inout) :: mechanism
+        class(builder_type), intent(inout) :: mechanism
         integer, intent(inout) :: n_points
         character(len=key_length), intent(out) :: points(2)
         character(len=*), intent(in) :: help
@@ -95,4 +97,15 @@ contains
             call take_point(reader, key, trim(texts(i)), mechanism, n_points, points(i))
         end do
     end subroutine take_points
+
+    !> Names of the variables that expressions may contain.
+    subroutine list_variables(mechanism, variables)
+        class(builder_type), intent(in) :: mechanism
+        character(len=key_length), allocatable, intent(out) :: variables(:)
+        type(variable_type), allocatable :: list(:)
+
+        allocate (list, source=mechanism%list_variables())
+        allocate (variables(size(list)))
+        variables = list%name
+    end subroutine list_variables
 end module tandem_mechanism_described_points

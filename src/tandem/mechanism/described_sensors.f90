@@ -22,7 +22,7 @@ contains
         integer, intent(inout) :: n_points
         character(len=*), parameter :: kinds(8) = [character(len=8) :: 'point', 'joint', 'distance', 'energy', 'body', &
             'reaction', 'force', 'balance']
-        character(len=:), allocatable :: name, text
+        character(len=:), allocatable :: name, text, words
         character(len=key_length) :: points(2), point
         real(wp), allocatable :: zero
         type(error_type), allocatable :: error
@@ -57,7 +57,9 @@ contains
             call reader%get('reaction', text, 'a joint, a wheel or a constraint: force, torque, power of its motion')
             if (.not. reader%failed()) call mechanism%add_reaction_sensor(name, text, error)
         else if (reader%gives('force')) then
-            call reader%get('force', text, 'a spring, a torsion, a bushing or a load: force, length, energy, power')
+            if (.not. allocated(mechanism%kinds)) call mechanism%clear()
+            call mechanism%list_words(.false., ' or ', words)
+            call reader%get('force', text, words//': force, length, energy, power')
             if (.not. reader%failed()) call mechanism%add_force_sensor(name, text, error)
         else if (reader%gives('balance')) then
             wanted = .true.

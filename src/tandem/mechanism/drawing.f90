@@ -6,13 +6,14 @@ module tandem_mechanism_drawing
     use tandem_kinds, only: wp
     use tandem_mechanism, only: mechanism_type
     use tandem_mechanism_body, only: body_type
+    use tandem_mechanism_element_kind, only: element_kind_type
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_joint, only: joint_type, name_length
     use tandem_mechanism_massless_wheel, only: massless_wheel_type
     use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_mechanism_rolling, only: roller_type
-    use tandem_mechanism_sensor, only: of_bushing, of_distance, of_joint, of_knife_edge, of_load, of_massless_wheel, of_spring, &
-        of_torsion, of_wheel, sensed_force, sensed_point, sensed_reaction, sensor_type
+    use tandem_mechanism_sensor, only: of_distance, of_joint, of_kind, of_knife_edge, of_massless_wheel, of_wheel, &
+        sensed_force, sensed_point, sensed_reaction, sensor_type
     use tandem_mechanism_vector, only: cross
     implicit none (type, external)
     private
@@ -119,17 +120,6 @@ contains
             call add_joint(mechanism, mechanism%joints(i), 'joint '//mechanism%joints(i)%kind_name, name, drawing, n)
         case (of_distance)
             call add_pair(mechanism%distances(i), 'constraint distance', name, drawing, n)
-        case (of_spring)
-            call add_pair(mechanism%springs(i)%vector, 'force spring', name, drawing, n)
-        case (of_torsion)
-            if (mechanism%torsions(i)%joint > 0) call add_joint(mechanism, mechanism%joints(mechanism%torsions(i)%joint), &
-                'force torsion', name, drawing, n)
-        case (of_bushing)
-            associate (bushing => mechanism%bushings(i)%coordinates(1))
-                call add(drawing, n, element_type('force bushing', name, bushing%second, bushing%one%b))
-            end associate
-        case (of_load)
-            call add(drawing, n, element_type('force load', name, mechanism%loads(i)%body, mechanism%loads(i)%point))
         case (of_knife_edge)
             associate (edge => mechanism%knife_edges(i))
                 call add(drawing, n, element_type('wheel knife_edge', name, edge%body, edge%point, edge%across))
@@ -138,6 +128,8 @@ contains
             call add_roller(mechanism%rollers(i), name, drawing, n, motions)
         case (of_massless_wheel)
             call add_massless_wheel(mechanism%massless_wheels(i), name, drawing, n, motions)
+        case (of_kind + 1:)
+            call add_kind(mechanism, mechanism%kinds(mechanism%types(k) - of_kind)%of, i, name, drawing, n)
         case default
             ! Couplings and rows by expressions are not visible.
         end select
@@ -180,6 +172,25 @@ contains
         call add(drawing, n, element_type(kind, name, vector%first, vector%s1))
         call add(drawing, n, element_type(kind, name, vector%second, vector%s2))
     end subroutine add_pair
+
+    !> Append an element of the list of kinds: at its points, or at its joint.
+    subroutine add_kind(mechanism, kind, i, name, drawing, n)
+        class(mechanism_type), intent(in) :: mechanism
+        class(element_kind_type), intent(in) :: kind
+        !> Index of the element.
+        integer, intent(in) :: i
+        character(len=*), intent(in) :: name
+        type(drawing_type), intent(inout) :: drawing
+        integer, intent(inout) :: n
+        integer :: k
+
+        associate (it => kind%attachment(i), word => 'force '//trim(kind%label()))
+            do k = 1, 2
+                if (it%is_drawn(k)) call add(drawing, n, element_type(word, name, it%body(k), it%point(:, k)))
+            end do
+            if (it%joint > 0) call add_joint(mechanism, mechanism%joints(it%joint), word, name, drawing, n)
+        end associate
+    end subroutine add_kind
 
     !> Append the two sides of a joint. The axis is that of rotation or sliding in the reference configuration.
     subroutine add_joint(mechanism, joint, kind, name, drawing, n)

@@ -4,12 +4,12 @@
 submodule(tandem_mechanism) tandem_mechanism_measuring
     use tandem_linalg_dependence, only: split_rows
     use tandem_mechanism_body, only: kinetic_energy_of
-    use tandem_mechanism_effort, only: bushing_effort, effort_type, load_effort, spring_effort, torsion_effort
+    use tandem_mechanism_element_kind, only: most_measured
     use tandem_mechanism_massless_wheel, only: find_contact_point
     use tandem_mechanism_reaction, only: reaction_on, turned_back
     use tandem_mechanism_rolling, only: find_contact
-    use tandem_mechanism_sensor, only: measure_sensor, of_bushing, of_distance, of_knife_edge, of_joint, of_massless_wheel, &
-        of_spring, of_torsion, of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, sensed_force, sensed_joint, &
+    use tandem_mechanism_sensor, only: measure_sensor, of_distance, of_joint, of_kind, of_knife_edge, of_massless_wheel, &
+        of_wheel, quantities_of, sensed_balance, sensed_body, sensed_energy, sensed_force, sensed_joint, &
         sensed_reaction, sensor_type
     use tandem_mechanism_pose, only: turned
     use tandem_mechanism_point_vector, only: vector_between
@@ -26,24 +26,24 @@ submodule(tandem_mechanism) tandem_mechanism_measuring
 contains
 
     module procedure list_quantities
-        type(quantity_type), allocatable :: all_of_them(:)
+        type(quantity_type), allocatable :: list(:), all_of_them(:)
         integer :: i, k, m, n
 
         if (size(self%sensors) == 0) return
         allocate (all_of_them(16))
         n = 0
         do i = 1, size(self%sensors)
-            associate (list => quantities_of(self%sensors(i)))
-                self%sensors(i)%width = sum(max(1, list%width))
-                self%sensors(i)%first = n + 1
-                self%sensors(i)%n_quantities = size(list)
+            associate (sensor => self%sensors(i))
+                list = quantities_of(sensor)
+                if (sensor%of > of_kind) call self%kinds(sensor%of - of_kind)%of%list_quantities(sensor, list)
+                sensor%width = sum(max(1, list%width))
+                sensor%first = n + 1
+                sensor%n_quantities = size(list)
                 ! Allocate spare room, so that adding a sensor does not copy the list each time.
                 if (n + size(list) > size(all_of_them)) all_of_them = [quantity_type :: all_of_them, all_of_them, list]
                 all_of_them(n + 1:n + size(list)) = list
                 n = n + size(list)
-            end associate
-            associate (rows => self%sensors(i)%rows)
-                where (rows < 0) rows = self%n_holonomic - rows
+                where (sensor%rows < 0) sensor%rows = self%n_holonomic - sensor%rows
             end associate
         end do
         self%quantities = all_of_them(:n)
@@ -75,9 +75,9 @@ contains
         if (stat /= 0) return
         if (.not. allocated(self%state%asked)) then
             do i = 1, size(self%bodies)
-                call set_accelerations(self%pose(i), qdd)
+                call set_accelerations(self%at%pose(i), qdd)
             end do
-            call set_displacements(self%pose(size(self%bodies) + 1:), 2, qdd)
+            call set_displacements(self%at%pose(size(self%bodies) + 1:), 2, qdd)
         end if
         with_reactions = present(lambda) .and. any(self%sensors%kind == sensed_reaction)
         if (with_reactions .and. allocated(self%state%asked)) then
@@ -97,13 +97,13 @@ contains
                 else if (sensor%kind == sensed_reaction) then
                     call measure_reaction(self, sensor, lambda, shown)
                 else if (sensor%has_reaction_friction) then
-                    call measure_force(self, sensor, t, lambda, shown)
+                    call measure_force(self, sensor, lambda, shown)
                 else if (sensor%kind == sensed_force) then
-                    call measure_force(self, sensor, t, [real(wp) ::], shown)
+                    call measure_force(self, sensor, [real(wp) ::], shown)
                 else if (sensor%kind == sensed_balance) then
                     call measure_balance(self, sensor, t, q, shown, stat)
                 else
-                    call measure_sensor(sensor, t, self%pose, self%f, energies_of(self, sensor, t, q, stat), &
+                    call measure_sensor(sensor, t, self%at%pose, self%at%f, energies_of(self, sensor, t, q, stat), &
                         shown)
                 end if
             end associate
@@ -130,9 +130,9 @@ contains
         ! Evaluate no term, only the common quantities of all terms.
         call self%evaluate(0, t, q, qd, self%at_row, stat)
         do i = 1, size(self%bodies)
-            call set_rates(self%pose(i), qd)
+            call set_rates(self%at%pose(i), qd)
         end do
-        call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
+        call set_displacements(self%at%pose(size(self%bodies) + 1:), 1, qd)
     end subroutine set_poses
 
     !> Kinetic and potential energy for a sensor: of the mechanism, or of a body.
@@ -148,15 +148,15 @@ contains
         select case (sensor%kind)
         case (sensed_energy, sensed_balance)
             do i = 1, size(self%bodies)
-                energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%pose(i))
+                energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%at%pose(i))
             end do
             do i = 1, size(self%couplings)
                 if (self%couplings(i)%sum > 0) energies(1) = energies(1) + &
-                    self%couplings(i)%inertia*self%pose(self%couplings(i)%sum)%r(1, 1)**2/2
+                    self%couplings(i)%inertia*self%at%pose(self%couplings(i)%sum)%r(1, 1)**2/2
             end do
             call self%potential_energy(t, q, energies(2), stat)
         case (sensed_body)
-            associate (body => self%bodies(sensor%number), pose => self%pose(sensor%number))
+            associate (body => self%bodies(sensor%number), pose => self%at%pose(sensor%number))
                 energies(1) = kinetic_energy_of(body, pose)
                 energies(2) = -body%mass*dot_product(self%gravity, pose%r(:, 0))
             end associate
@@ -174,7 +174,8 @@ contains
         real(wp) :: point(3), force(3), torque(3), d(3)
         integer :: n
 
-        associate (rows => sensor%rows(:sensor%n_rows), body => self%pose(sensor%vector%second), jacobian => self%at_row%jacobian)
+        associate (rows => sensor%rows(:sensor%n_rows), body => self%at%pose(sensor%vector%second), &
+            jacobian => self%at_row%jacobian)
             select case (sensor%of)
             case (of_joint)
                 call find_wrench(self, sensor, lambda, force, torque)
@@ -188,7 +189,7 @@ contains
                     point = point + body%r(:, 0)
                 else if (sensor%of == of_massless_wheel) then
                     associate (wheel => self%massless_wheels(sensor%number))
-                        call find_contact_point(wheel, body, self%pose(wheel%slide), self%f, point)
+                        call find_contact_point(wheel, body, self%at%pose(wheel%slide), self%at%f, point)
                     end associate
                 else
                     point = body%r(:, 0) + turned(body, 0, sensor%vector%s2)
@@ -199,7 +200,7 @@ contains
                 n = 9
             case (of_distance)
                 ! Phi = (d.d - l^2)/(2 w).
-                d = vector_between(sensor%vector, self%pose, 0)*lambda(rows(1))/sensor%vector%weight
+                d = vector_between(sensor%vector, self%at%pose, 0)*lambda(rows(1))/sensor%vector%weight
                 values(1:4) = [sign(norm2(d), lambda(rows(1))), -d]
                 n = 4
             case default
@@ -224,7 +225,7 @@ contains
         real(wp), intent(out) :: force(3), torque(3)
         real(wp) :: point(3)
 
-        associate (one => self%pose(sensor%vector%first), two => self%pose(sensor%vector%second), &
+        associate (one => self%at%pose(sensor%vector%first), two => self%at%pose(sensor%vector%second), &
             rows => sensor%rows(:sensor%n_rows))
             point = two%r(:, 0) + turned(two, 0, sensor%vector%s2)
             if (two%n_place > 0) then
@@ -239,28 +240,16 @@ contains
     end subroutine find_wrench
 
     !> Measure the force and the energy of a force element.
-    subroutine measure_force(self, sensor, t, lambda, values)
+    subroutine measure_force(self, sensor, lambda, values)
         type(mechanism_type), intent(inout) :: self
         type(sensor_type), intent(in) :: sensor
         !> Multipliers are used for friction on a reaction.
-        real(wp), intent(in) :: t, lambda(:)
+        real(wp), intent(in) :: lambda(:)
         real(wp), intent(out) :: values(:)
-        type(effort_type) :: effort
+        real(wp) :: measured(most_measured), power
 
-        select case (sensor%of)
-        case (of_spring)
-            effort = spring_effort(self%springs(sensor%number), t, self%pose, self%f, self%laws)
-            values = [effort%along, effort%force, effort%x, effort%rate, effort%energy, effort%power]
-        case (of_torsion)
-            call torsion_effort(self%torsions(sensor%number), t, self%pose, self%f, self%laws, lambda, effort)
-            values = [effort%along, effort%x, effort%rate, effort%energy, effort%power]
-        case (of_bushing)
-            call bushing_effort(self%bushings(sensor%number), self%pose, effort)
-            values = [effort%force, effort%torque, effort%energy, effort%power]
-        case default
-            call load_effort(self%loads(sensor%number), t, self%pose, self%f, self%formulas, self%coordinates, effort)
-            values = [effort%force, effort%torque, effort%power]
-        end select
+        call self%kinds(sensor%of - of_kind)%of%measure(sensor%number, self%at, lambda, measured, power)
+        values = measured(:size(values))
     end subroutine measure_force
 
     !> Measure the energy balance; the work is integrated over time.
@@ -280,8 +269,8 @@ contains
 
     !> Power of imposed motions, and power of forces without a potential.
     module procedure integrands
-        type(effort_type) :: effort
-        integer :: i
+        real(wp) :: measured(most_measured), power
+        integer :: i, k
 
         stat = 0
         values = 0.0_wp
@@ -292,21 +281,11 @@ contains
         end if
         call set_poses(self, t, q, qd, stat)
         if (stat /= 0) return
-        do i = 1, size(self%springs)
-            effort = spring_effort(self%springs(i), t, self%pose, self%f, self%laws)
-            values(2) = values(2) + effort%power
-        end do
-        do i = 1, size(self%torsions)
-            call torsion_effort(self%torsions(i), t, self%pose, self%f, self%laws, lambda, effort)
-            values(2) = values(2) + effort%power
-        end do
-        do i = 1, size(self%bushings)
-            call bushing_effort(self%bushings(i), self%pose, effort)
-            values(2) = values(2) + effort%power
-        end do
-        do i = 1, size(self%loads)
-            call load_effort(self%loads(i), t, self%pose, self%f, self%formulas, self%coordinates, effort)
-            values(2) = values(2) + effort%power
+        do k = 1, size(self%kinds)
+            do i = 1, self%kinds(k)%of%n
+                call self%kinds(k)%of%measure(i, self%at, lambda, measured, power)
+                values(2) = values(2) + power
+            end do
         end do
     end procedure integrands
 
@@ -346,7 +325,7 @@ contains
                         call measure_reaction(self, sensor, z, shown)
                         call mark(self, n, sensor, shown, open*maxval(abs(z))*maxval(abs(self%at_row%jacobian)))
                     end if
-                    n = n + size(quantities_of(sensor))
+                    n = n + sensor%n_quantities
                 end associate
             end do
         end do
@@ -363,7 +342,7 @@ contains
         integer :: i, k, n
 
         n = 0
-        do i = 1, size(quantities_of(sensor))
+        do i = 1, sensor%n_quantities
             associate (quantity => self%quantities(before + i))
                 do k = 1, max(1, quantity%width)
                     n = n + 1

@@ -18,12 +18,9 @@ module tandem_mechanism
     use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_perpendicular, only: differentiate_perpendiculars, evaluate_perpendiculars
     use tandem_mechanism_builder, only: builder_type
-    use tandem_mechanism_force, only: add_bushings, add_friction_directions, add_springs, add_torsions, bushing_energy, &
-        differentiate_bushings, differentiate_springs, differentiate_torsions, spring_energy, torsion_energy
     use tandem_mechanism_velocity_joint, only: differentiate_velocity_joints, evaluate_velocity_joints
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
-    use tandem_mechanism_load, only: add_loads, differentiate_loads
     use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels
     use tandem_mechanism_pin, only: angles_type, evaluate_pins, pin_type
     use tandem_mechanism_pose, only: pose_type, set_angle, set_accelerations, set_displacements, set_position, set_rates
@@ -50,10 +47,6 @@ module tandem_mechanism
 
     !> Add bodies, joints and forces, and call `define`; then `start` returns the state of the reference configuration.
     type, extends(builder_type) :: mechanism_type
-        !> Poses at the last point: 0 is the ground, then bodies, then sliding parts that are not bodies, whose positions have one
-        !> coordinate; values and derivatives of the functions of time.
-        type(pose_type), allocatable, private :: pose(:)
-        real(wp), allocatable, private :: f(:, :)
         !> First coordinate of each pose except the ground; the last entry is the next coordinate.
         integer, allocatable, private :: first(:)
         !> The force of gravity (n).
@@ -90,8 +83,9 @@ module tandem_mechanism
         integer, private :: inputs_of_f = 0
         !> C and nu at an output time; only for sensors of reactions.
         type(terms_type), private :: at_row
-        !> Gradient blocks of one element, in the coordinates of its bodies.
+        !> Gradient blocks of one element, in the coordinates of its bodies, and list of these bodies.
         type(derivatives_type), private :: window
+        integer, allocatable, private :: touched(:)
     contains
         procedure :: define, start, composed, note_blocks, find_body_motions, pack_state, arrive, is_idle, hides, list_imposed
         procedure :: set_magnitudes, set_time_scale, measure, integrands, begin_measuring, change, list_motions, force_rate
@@ -355,7 +349,7 @@ contains
     subroutine define(self, error)
         class(mechanism_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
-        integer :: n_bodies
+        integer :: i, n_bodies
 
         n_bodies = 0
         if (allocated(self%bodies)) then
@@ -382,7 +376,7 @@ contains
         call self%rolling%close()
         call form_groups(self)
         call declare_pattern(self)
-        allocate (self%f(0:2, size(self%motions)), source=0.0_wp)
+        allocate (self%at%f(0:2, size(self%motions)), source=0.0_wp)
         self%constant_mass = self%planar .or. size(self%turning) == 0
         self%evaluate => evaluate
         self%provides = need_mass
@@ -404,12 +398,12 @@ contains
             self%derives_by_bodies = .true.
         end if
         call list_quantities(self)
-        self%counts_turns = .not. self%planar .and. (size(self%torsions) + size(self%formulas) + size(self%couplings) > 0 .or. &
-            any(self%sensors%kind == sensed_joint))
+        self%counts_turns = .not. self%planar .and. (size(self%at%formulas) + size(self%couplings) > 0 .or. &
+            any([(self%kinds(i)%of%counts_turns, i=1, size(self%kinds))]) .or. any(self%sensors%kind == sensed_joint))
         call list_frictions(self)
-        if (.not. self%keeps_poses) deallocate (self%pose)
+        if (.not. self%keeps_poses) deallocate (self%at%pose)
         ! Elements along joint coordinates have copies of them; only expressions use the list.
-        if (size(self%formulas) == 0) self%coordinates = [coordinate_type ::]
+        if (size(self%at%formulas) == 0) self%at%coordinates = [coordinate_type ::]
     end subroutine define
 
     !> Evaluate the functions of time, once per time.
@@ -422,17 +416,16 @@ contains
         self%time_of_f = t
         self%inputs_of_f = self%state%input_version
         do i = 1, size(self%motions)
-            call self%motions(i)%f%evaluate(t, self%f(:, i))
+            call self%motions(i)%f%evaluate(t, self%at%f(:, i))
         end do
-        if (allocated(self%state%input)) self%f = self%f + self%state%input
+        if (allocated(self%state%input)) self%at%f = self%at%f + self%state%input
     end subroutine evaluate_functions
 
     !> True if there may be forces: gravity, force elements, or inertia forces of bodies rotating in space. Events add none.
     pure logical function has_forces(self)
         class(mechanism_type), intent(in) :: self
 
-        has_forces = size(self%turning) > 0 .or. size(self%springs) > 0 .or. size(self%torsions) > 0 .or. &
-            size(self%bushings) > 0 .or. size(self%loads) > 0 .or. maxval(abs(self%weight)) > 0.0_wp
+        has_forces = size(self%turning) > 0 .or. self%n_elements() > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
 
     !> Clear rows before they are set: in compressed rows every entry is set again, except in rows that are sums.
@@ -522,6 +515,7 @@ contains
         logical :: follows
 
         if (self%segment /= self%held_segment) call hold_segment(self)
+        self%at%t = t
         if (terms%is_compressed .neqv. self%is_compressed) call set_columns(self, terms%is_compressed)
         ! A call for no term needs the poses themselves.
         ! A search evaluates Phi and forces; a call for no term is an arrival.
@@ -530,13 +524,13 @@ contains
             call set_places(self, q)
             if (iand(need, need_gamma + need_force) /= 0) then
                 do i = 1, size(self%bodies)
-                    call set_rates(self%pose(i), qd)
+                    call set_rates(self%at%pose(i), qd)
                 end do
             end if
         end if
         if (self%n_of%slides > 0) then
-            call set_displacements(self%pose(size(self%bodies) + 1:), 0, q)
-            if (iand(need, need_gamma + need_force) /= 0) call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
+            call set_displacements(self%at%pose(size(self%bodies) + 1:), 0, q)
+            if (iand(need, need_gamma + need_force) /= 0) call set_displacements(self%at%pose(size(self%bodies) + 1:), 1, qd)
         end if
         call evaluate_functions(self, t)
         if (follows) call follow_turns(self)
@@ -544,30 +538,30 @@ contains
             if (iand(need, need_jacobian) /= 0) call clear_jacobian(self, terms)
             if (iand(need, need_nu) /= 0) terms%nu = 0.0_wp
             if (size(self%hinge_groups) > 0) call evaluate_hinge_groups(self%hinge_groups, need, self%n, q, qd, terms)
-            if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, self%pose, terms)
+            if (size(self%hinges) > 0) call evaluate_hinges(self%hinges, need, self%at%pose, terms)
             if (size(self%pins) > 0) then
                 call self%angles_of_bodies%set(self%n, q)
                 call evaluate_pins(self%pins, need, self%angles_of_bodies, self%n, q, qd, terms)
             end if
             if (size(self%single_coincidences) > 0) call evaluate_coincidences(self%single_coincidences, self%coincidences, need, &
-                self%pose, terms)
+                self%at%pose, terms)
             if (size(self%single_perpendiculars) > 0) call evaluate_perpendiculars(self%single_perpendiculars, &
-                self%perpendiculars, need, self%pose, self%f, terms)
-            if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%pose, self%f, terms)
+                self%perpendiculars, need, self%at%pose, self%at%f, terms)
+            if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%at%pose, self%at%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
-            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%pose, &
-                self%f, terms)
-            if (size(self%knife_edges) > 0) call evaluate_knife_edges(self%knife_edges, need, self%pose, self%f, terms)
-            if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%pose, self%f, terms, stat)
-            if (size(self%massless_wheels) > 0) call evaluate_massless_wheels(self%massless_wheels, need, self%pose, self%f, &
+            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%at%pose, self%at%f, terms)
+            if (size(self%knife_edges) > 0) call evaluate_knife_edges(self%knife_edges, need, self%at%pose, self%at%f, terms)
+            if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%at%pose, self%at%f, terms, stat)
+            if (size(self%massless_wheels) > 0) call evaluate_massless_wheels(self%massless_wheels, need, self%at%pose, self%at%f, &
                 terms, stat)
-            if (size(self%velocity_joints) > 0) call evaluate_velocity_joints(self%velocity_joints, need, self%pose, self%f, terms)
-            if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%pose, self%formulas, &
-                self%coordinates, terms)
+            if (size(self%velocity_joints) > 0) call evaluate_velocity_joints(self%velocity_joints, need, self%at%pose, &
+                self%at%f, terms)
+            if (size(self%rate_rows) > 0) call evaluate_rate_rows(self%rate_rows, need, t, self%at%pose, self%at%formulas, &
+                self%at%coordinates, terms)
             if (size(self%rotating_groups) > 0) call evaluate_norms(self%rotating_groups, need, self%n, q, qd, terms)
             do i = 1, self%n_turning_alone
                 k = self%before_norms + i
-                associate (p => self%pose(self%turning(i))%p, turn => self%pose(self%turning(i))%turn_column)
+                associate (p => self%at%pose(self%turning(i))%p, turn => self%at%pose(self%turning(i))%turn_column)
                     if (iand(need, need_phi) /= 0) terms%phi(k) = 0.5_wp*(p(1, 0)**2 + p(2, 0)**2 + p(3, 0)**2 + p(4, 0)**2 - 1)
                     if (iand(need, need_jacobian) /= 0) then
                         do j = 0, 3
@@ -588,7 +582,7 @@ contains
                     call set_single_masses(self%bodies(k), self%first(k), self%first(k + 1) - 1, terms%is_compressed, self%n, &
                         size(terms%mass, 2), terms%mass)
                 else
-                    call set_mass(self%bodies(k), self%pose(k), self%n, size(terms%mass, 2), terms%mass)
+                    call set_mass(self%bodies(k), self%at%pose(k), self%n, size(terms%mass, 2), terms%mass)
                 end if
             end do
             do i = 1, size(self%couplings)
@@ -605,12 +599,11 @@ contains
         end do
         if (size(self%rotating_groups) > 0) call add_inertia_forces(self%rotating_groups, self%n, q, qd, terms%force)
         do i = 1, self%n_turning_alone
-            call add_gyroscopic(self%bodies(self%turning(i)), self%pose(self%turning(i)), terms%force)
+            call add_gyroscopic(self%bodies(self%turning(i)), self%at%pose(self%turning(i)), terms%force)
         end do
-        if (size(self%springs) > 0) call add_springs(self%springs, t, self%pose, self%f, self%laws, terms%force, stat)
-        if (size(self%torsions) > 0) call add_torsions(self%torsions, t, self%pose, self%f, self%laws, terms%force)
-        if (size(self%bushings) > 0) call add_bushings(self%bushings, self%pose, terms%force)
-        if (size(self%loads) > 0) call add_loads(self%loads, t, self%pose, self%f, self%formulas, self%coordinates, terms%force)
+        do k = 1, size(self%kinds)
+            if (self%kinds(k)%of%n > 0) call self%kinds(k)%of%add_forces(self%at, terms%force, stat)
+        end do
     end subroutine evaluate_mechanism
 
     !> Set the poses at q.
@@ -623,11 +616,11 @@ contains
         associate (angles => self%angles_of_bodies)
             if (angles%n > 0) call angles%set(self%n, q)
             do i = 1, angles%n
-                call set_angle(self%pose(angles%body(i)), angles%angle(i), angles%c(i), angles%s(i))
+                call set_angle(self%at%pose(angles%body(i)), angles%angle(i), angles%c(i), angles%s(i))
             end do
         end associate
         do i = 1, size(self%bodies)
-            call set_position(self%pose(i), q)
+            call set_position(self%at%pose(i), q)
         end do
     end subroutine set_places
 
@@ -640,9 +633,10 @@ contains
         integer :: i
 
         do i = 1, size(self%angles)
-            associate (angle => self%angles(i), one => self%pose(self%angles(i)%first), two => self%pose(self%angles(i)%second))
+            associate (angle => self%angles(i), one => self%at%pose(self%angles(i)%first), &
+                two => self%at%pose(self%angles(i)%second))
                 f = 0.0_wp
-                if (angle%motion > 0) f = self%f(:, angle%motion)
+                if (angle%motion > 0) f = self%at%f(:, angle%motion)
                 if (iand(need, need_phi) /= 0) terms%phi(angle%row) = two%p(1, 0) - one%p(1, 0) - angle%offset - f(0)
                 if (iand(need, need_jacobian) /= 0) then
                     if (one%turn > 0) terms%jacobian(angle%row, one%turn_column) = -1.0_wp
@@ -682,24 +676,24 @@ contains
         integer :: i
 
         if (self%segment /= self%held_segment) call hold_segment(self)
+        self%at%t = t
         call set_places(self, q)
         do i = 1, size(self%bodies)
-            call set_rates(self%pose(i), qd)
-            call set_accelerations(self%pose(i), qdd)
+            call set_rates(self%at%pose(i), qd)
+            call set_accelerations(self%at%pose(i), qdd)
         end do
-        call set_displacements(self%pose(size(self%bodies) + 1:), 0, q)
-        call set_displacements(self%pose(size(self%bodies) + 1:), 1, qd)
-        call set_displacements(self%pose(size(self%bodies) + 1:), 2, qdd)
+        call set_displacements(self%at%pose(size(self%bodies) + 1:), 0, q)
+        call set_displacements(self%at%pose(size(self%bodies) + 1:), 1, qd)
+        call set_displacements(self%at%pose(size(self%bodies) + 1:), 2, qdd)
         call evaluate_functions(self, t)
     end subroutine set_motion
 
-    !> Potential energy of gravity and of linear springs and bushings; laws have none.
+    !> Potential energy of gravity and of linear elements; laws have none.
     subroutine potential_energy(self, t, q, value, stat)
         class(model_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:)
         real(wp), intent(out) :: value
         integer, intent(out) :: stat
-        real(wp) :: energy
         integer :: i
 
         stat = 0
@@ -707,19 +701,11 @@ contains
         select type (self)
         class is (mechanism_type)
             value = -dot_product(self%weight, q)
-            if (size(self%springs) + size(self%torsions) + size(self%bushings) == 0) return
+            if (self%n_elements() == 0) return
             call set_places(self, q)
-            call set_displacements(self%pose(size(self%bodies) + 1:), 0, q)
-            do i = 1, size(self%springs)
-                value = value + spring_energy(self%springs(i), self%pose)
-            end do
-            do i = 1, size(self%torsions)
-                call torsion_energy(self%torsions(i), self%pose, energy)
-                value = value + energy
-            end do
-            do i = 1, size(self%bushings)
-                call bushing_energy(self%bushings(i), self%pose, energy)
-                value = value + energy
+            call set_displacements(self%at%pose(size(self%bodies) + 1:), 0, q)
+            do i = 1, size(self%kinds)
+                call self%kinds(i)%of%add_energy(self%at, value)
             end do
         end select
     end subroutine potential_energy

@@ -4,7 +4,7 @@
 submodule(tandem_mechanism) tandem_mechanism_numbering
     use tandem_kinds, only: lane
     use tandem_model, only: its_unit, name_of_coordinate, unit_of_its_multiplier
-    use tandem_mechanism_coordinate, only: coordinate_type, is_displacement
+    use tandem_mechanism_coordinate, only: is_displacement, number_slide
     use tandem_mechanism_hinge, only: gather_hinges
     use tandem_mechanism_hinge_group, only: find_hinge_blocks, gather_hinge_groups, place_hinge_groups
     use tandem_mechanism_incidence, only: list_incidence
@@ -19,7 +19,7 @@ contains
         integer :: i, k, n
 
         call number_slides(self)
-        if (allocated(self%pose)) deallocate (self%pose)
+        if (allocated(self%at%pose)) deallocate (self%at%pose)
         ! At most seven per body, and one per slack, sum or sliding wheel.
         allocate (blocks(7*size(self%bodies) + size(self%couplings) + self%n_of%slides), source=0)
         self%turning = pack([(i, i=1, size(self%bodies))], self%bodies%turns .and. .not. self%planar)
@@ -60,10 +60,10 @@ contains
     module procedure make_poses
         integer :: i
 
-        if (allocated(self%pose)) return
-        allocate (self%pose(0:size(self%first) - 1))
+        if (allocated(self%at%pose)) return
+        allocate (self%at%pose(0:size(self%first) - 1))
         do i = 1, size(self%first) - 1
-            associate (pose => self%pose(i))
+            associate (pose => self%at%pose(i))
                 pose%place = self%first(i)
                 pose%n_place = 1
                 if (i <= size(self%bodies)) then
@@ -83,8 +83,8 @@ contains
         class(mechanism_type), intent(inout) :: self
         integer :: i
 
-        do i = 1, ubound(self%pose, 1)
-            associate (pose => self%pose(i))
+        do i = 1, ubound(self%at%pose, 1)
+            associate (pose => self%at%pose(i))
                 pose%place_column = pose%place
                 pose%turn_column = pose%turn
                 pose%place_mass = pose%place
@@ -185,29 +185,19 @@ contains
         end do
         do i = 1, size(self%sensors)
             call put_behind(self%sensors(i)%vector%second)
-            call renumber(self%sensors(i)%displacement)
+            call number_slide(self%sensors(i)%displacement, size(self%bodies))
         end do
-        do i = 1, size(self%coordinates)
-            call renumber(self%coordinates(i))
-        end do
-        do i = 1, size(self%torsions)
-            call renumber(self%torsions(i)%coordinate)
+        do i = 1, size(self%at%coordinates)
+            call number_slide(self%at%coordinates(i), size(self%bodies))
         end do
         do i = 1, size(self%couplings)
             call put_behind(self%couplings(i)%sum)
             do k = 1, self%couplings(i)%n
-                call renumber(self%couplings(i)%coordinates(k))
+                call number_slide(self%couplings(i)%coordinates(k), size(self%bodies))
             end do
         end do
 
     contains
-
-        subroutine renumber(coordinate)
-            type(coordinate_type), intent(inout) :: coordinate
-
-            call put_behind(coordinate%second)
-            call put_behind(coordinate%one%second)
-        end subroutine renumber
 
         subroutine put_behind(pose)
             integer, intent(inout) :: pose
@@ -226,6 +216,8 @@ contains
     end function element_name
 
     module procedure number_rows
+        integer :: k
+
         self%before_norms = self%held%n
         self%n_holonomic = self%before_norms + size(self%turning)
         self%n_nonholonomic = self%rolling%n
@@ -235,6 +227,9 @@ contains
         self%knife_edges%row = self%knife_edges%row + self%n_holonomic
         self%rollers%row = self%rollers%row + self%n_holonomic
         self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
+        do k = 1, size(self%kinds)
+            call self%kinds(k)%of%renumber(size(self%bodies), self%n_holonomic)
+        end do
     end procedure number_rows
 
     !> Group elements that are evaluated together: pins in the plane; hinges and bodies in space if they are numerous enough.
@@ -243,26 +238,26 @@ contains
         type(hinge_type), allocatable :: hinges(:)
         integer :: i
 
-        call gather_hinges(self%coincidences, self%perpendiculars, self%pose, self%before_norms, self%hinges, &
+        call gather_hinges(self%coincidences, self%perpendiculars, self%at%pose, self%before_norms, self%hinges, &
             self%single_coincidences, self%single_perpendiculars)
         allocate (hinges(0))
         if (size(self%hinges) >= many) then
             call move_alloc(self%hinges, hinges)
             allocate (self%hinges(0))
         end if
-        call gather_hinge_groups(hinges, self%pose, self%hinge_groups)
+        call gather_hinge_groups(hinges, self%at%pose, self%hinge_groups)
         if (size(self%turning) >= many) then
             self%n_turning_alone = 0
-            call gather_rotating_bodies(self%turning, self%bodies, self%pose, self%before_norms, self%rotating_groups)
-            self%alone = pack([(i, i=1, size(self%bodies))], self%pose(1:size(self%bodies))%n_turn < 4)
+            call gather_rotating_bodies(self%turning, self%bodies, self%at%pose, self%before_norms, self%rotating_groups)
+            self%alone = pack([(i, i=1, size(self%bodies))], self%at%pose(1:size(self%bodies))%n_turn < 4)
         else
             self%n_turning_alone = size(self%turning)
             allocate (self%rotating_groups(0))
             self%alone = [(i, i=1, size(self%bodies))]
         end if
-        call self%angles_of_bodies%gather(self%pose)
+        call self%angles_of_bodies%gather(self%at%pose)
         if (self%planar) then
-            call gather_pins(self%coincidences, self%pose, self%angles_of_bodies, self%pins)
+            call gather_pins(self%coincidences, self%at%pose, self%angles_of_bodies, self%pins)
             self%single_coincidences = [integer ::]
         else
             allocate (self%pins(0))
@@ -270,8 +265,7 @@ contains
         self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%single_coincidences), &
             size(self%single_perpendiculars), &
             size(self%distances), size(self%angles), size(self%couplings), size(self%knife_edges), size(self%rollers), &
-            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%springs), size(self%torsions), &
-            size(self%bushings), size(self%loads)) > 0
+            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), self%n_elements()) > 0
         self%keeps_poses = self%takes_poses .or. size(self%sensors) > 0
     end procedure form_groups
 
@@ -319,13 +313,13 @@ contains
         logical :: were_there
 
         self%is_compressed = is_compressed
-        were_there = allocated(self%pose)
+        were_there = allocated(self%at%pose)
         call make_poses(self)
         call place_poses(self)
-        call place_hinge_groups(self%pose, self%hinge_groups)
-        call place_pins(self%pose, self%pins)
-        call store_columns(self%pose, self%rotating_groups)
-        if (.not. were_there) deallocate (self%pose)
+        call place_hinge_groups(self%at%pose, self%hinge_groups)
+        call place_pins(self%at%pose, self%pins)
+        call store_columns(self%at%pose, self%rotating_groups)
+        if (.not. were_there) deallocate (self%at%pose)
     end procedure set_columns
 
     module procedure note_blocks

@@ -4,20 +4,9 @@
 !> the next. An angle that is driven by a function of time takes its revolutions from the function.
 submodule(tandem_mechanism) tandem_mechanism_revolutions
     use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search, is_an_angle => is_angle
+    use tandem_mechanism_element_kind, only: visit_interface
     use tandem_mechanism_sensor, only: begin_sensor
     implicit none (type, external)
-
-    abstract interface
-        !> Operation on a joint coordinate.
-        pure subroutine visit_interface(coordinate, pose, f)
-            import :: coordinate_type, pose_type, wp
-            implicit none (type, external)
-            type(coordinate_type), intent(inout) :: coordinate
-            type(pose_type), intent(in) :: pose(0:)
-            !> Values and derivatives of the functions of time.
-            real(wp), intent(in), contiguous :: f(0:, :)
-        end subroutine visit_interface
-    end interface
 
 contains
 
@@ -77,8 +66,10 @@ contains
     !> True if forces, expressions or rows depend on full revolutions.
     pure logical function depends_on_revolutions(self)
         type(mechanism_type), intent(in) :: self
+        integer :: k
 
-        depends_on_revolutions = size(self%torsions) + size(self%formulas) > 0 .or. .not. all(self%couplings%drops_turns)
+        depends_on_revolutions = size(self%at%formulas) > 0 .or. &
+            any([(self%kinds(k)%of%counts_turns, k=1, size(self%kinds))]) .or. .not. all(self%couplings%drops_turns)
     end function depends_on_revolutions
 
     !> Call `visit` for the coordinates of forces, expressions and rows.
@@ -87,20 +78,20 @@ contains
         procedure(visit_interface) :: visit
         integer :: i, k
 
-        do i = 1, size(self%torsions)
-            call visit(self%torsions(i)%coordinate, self%pose, self%f)
+        do k = 1, size(self%kinds)
+            call self%kinds(k)%of%visit_coordinates(visit, self%at)
         end do
-        do i = 1, size(self%formulas)
-            do k = 1, size(self%formulas(i)%variables)
-                associate (variable => self%formulas(i)%variables(k))
-                    if (variable%kind == is_joint) call visit(self%coordinates(variable%owner), self%pose, self%f)
+        do i = 1, size(self%at%formulas)
+            do k = 1, size(self%at%formulas(i)%variables)
+                associate (variable => self%at%formulas(i)%variables(k))
+                    if (variable%kind == is_joint) call visit(self%at%coordinates(variable%owner), self%at%pose, self%at%f)
                 end associate
             end do
         end do
         do i = 1, size(self%couplings)
             if (self%couplings(i)%drops_turns) cycle
             do k = 1, self%couplings(i)%n
-                call visit(self%couplings(i)%coordinates(k), self%pose, self%f)
+                call visit(self%couplings(i)%coordinates(k), self%at%pose, self%at%f)
             end do
         end do
     end subroutine visit_elements
@@ -113,7 +104,7 @@ contains
 
         do i = 1, size(self%sensors)
             if (self%sensors(i)%kind == sensed_joint .and. self%sensors(i)%turns) then
-                call visit(self%sensors(i)%rotation, self%pose, self%f)
+                call visit(self%sensors(i)%rotation, self%at%pose, self%at%f)
             end if
         end do
     end subroutine visit_sensors

@@ -2,7 +2,7 @@
 !> Natural scales of a mechanism, derived from its own dimensions, so that runs take the same steps in any system of units.
 submodule(tandem_mechanism) tandem_mechanism_scales
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_elevation, is_tilt, pi
+    use tandem_mechanism_coordinate, only: is_rotation, pi
     use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_point_vector, only: point_vector_type
     implicit none (type, external)
@@ -103,8 +103,7 @@ contains
 
         unit = 0.0_wp
         do k = 1, it%n - merge(1, 0, it%sum > 0)
-            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, &
-                any(it%coordinates(k)%kind == [is_angle, is_elevation, is_tilt]))
+            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, is_rotation(it%coordinates(k)))
         end do
     end function size_of_sum
 
@@ -180,28 +179,14 @@ contains
     pure real(wp) function rate_of_springs(self) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp) :: mass, inertia, square
-        integer :: i, k
+        integer :: k
 
         mass = maxval(self%bodies%mass)
         inertia = max(mass*self%size_of_bodies**2, tiny(1.0_wp))
         mass = max(mass, tiny(1.0_wp))
         square = 0.0_wp
-        do i = 1, size(self%springs)
-            square = max(square, self%springs(i)%stiffness/mass)
-        end do
-        do i = 1, size(self%torsions)
-            associate (it => self%torsions(i))
-                square = max(square, it%stiffness/merge(inertia, mass, &
-                    any(it%coordinate%kind == [is_angle, is_elevation, is_tilt])))
-            end associate
-        end do
-        do i = 1, size(self%bushings)
-            associate (it => self%bushings(i))
-                do k = 1, it%n
-                    square = max(square, it%stiffness(k, k)/merge(inertia, mass, &
-                        any(it%coordinates(k)%kind == [is_angle, is_elevation, is_tilt])))
-                end do
-            end associate
+        do k = 1, size(self%kinds)
+            square = max(square, self%kinds(k)%of%stiffest(mass, inertia))
         end do
         rate = sqrt(square)
     end function rate_of_springs
@@ -220,16 +205,38 @@ contains
         end do
     end procedure set_magnitudes
 
+    !> Elements that act along the line between two points.
+    subroutine list_lines(self, lines)
+        class(mechanism_type), intent(in) :: self
+        type(point_vector_type), allocatable, intent(out) :: lines(:)
+        integer :: i, k, n
+
+        allocate (lines(self%n_elements()))
+        n = 0
+        do k = 1, size(self%kinds)
+            do i = 1, self%kinds(k)%of%n
+                associate (it => self%kinds(k)%of%attachment(i))
+                    if (.not. it%is_line) exit
+                    n = n + 1
+                    lines(n) = point_vector_type(first=it%body(1), second=it%body(2), s1=it%point(:, 1), s2=it%point(:, 2))
+                end associate
+            end do
+        end do
+        lines = lines(:n)
+    end subroutine list_lines
+
     !> Geometric mean of the sizes of bodies and of the distances between their points, which is insensitive to a few parts of
     !> different size. For point masses only: lengths of springs, else distances between the bodies, else distances from the origin.
     function typical_length(self) result(length)
         class(mechanism_type), intent(in) :: self
         real(wp) :: length
         type(mean_type) :: mean
+        type(point_vector_type), allocatable :: lines(:)
         real(wp) :: extents(0:size(self%bodies))
         integer :: i, j
 
         extents = 0.0_wp
+        call list_lines(self, lines)
         do i = 1, size(self%bodies)
             associate (body => self%bodies(i))
                 if (.not. (body%turns .and. body%mass > 0.0_wp)) cycle
@@ -242,8 +249,8 @@ contains
         do i = 1, size(self%distances)
             call extend(self%distances(i))
         end do
-        do i = 1, size(self%springs)
-            call extend(self%springs(i)%vector)
+        do i = 1, size(lines)
+            call extend(lines(i))
         end do
         do i = 1, size(self%perpendiculars)
             associate (perpendicular => self%perpendiculars(i))
@@ -258,8 +265,8 @@ contains
             call add(self%reference_length(self%distances(i)))
         end do
         if (mean%n == 0) then
-            do i = 1, size(self%springs)
-                call add(self%reference_length(self%springs(i)%vector))
+            do i = 1, size(lines)
+                call add(self%reference_length(lines(i)))
             end do
         end if
         if (mean%n == 0) then

@@ -14,7 +14,7 @@ contains
         integer, parameter :: some = 16
         integer :: n
 
-        n = size(self%motions) + size(self%laws) + size(self%formulas)
+        n = size(self%motions) + size(self%at%laws) + size(self%at%formulas)
         if (n == 0 .or. .not. self%times(2) > self%times(1)) return
         self%searched = spread(self%times(1), 1, n)
         self%state%breakpoints_until = self%times(1)
@@ -77,11 +77,11 @@ contains
 
         from = self%searched(i)
         to = self%times(2)
-        associate (law => i - size(self%motions), formula => i - size(self%motions) - size(self%laws))
+        associate (law => i - size(self%motions), formula => i - size(self%motions) - size(self%at%laws))
             if (formula > 0) then
-                call self%formulas(formula)%pieces%find_kinks(from, to, places, orders, error)
+                call self%at%formulas(formula)%pieces%find_kinks(from, to, places, orders, error)
             else if (law > 0) then
-                call self%laws(law)%law%find_kinks(from, to, places, orders, error)
+                call self%at%laws(law)%law%find_kinks(from, to, places, orders, error)
             else
                 call self%motions(i)%f%find_kinks(from, to, places, orders, error)
             end if
@@ -170,11 +170,11 @@ contains
         do i = 1, size(self%motions)
             call self%motions(i)%f%hold(t)
         end do
-        do i = 1, size(self%laws)
-            call self%laws(i)%law%hold(t)
+        do i = 1, size(self%at%laws)
+            call self%at%laws(i)%law%hold(t)
         end do
-        do i = 1, size(self%formulas)
-            call self%formulas(i)%pieces%select_piece(t)
+        do i = 1, size(self%at%formulas)
+            call self%at%formulas(i)%pieces%select_piece(t)
         end do
     end procedure hold_pieces
 
@@ -186,12 +186,12 @@ contains
             pieces_hide = self%motions(i)%f%hides(from, to, between, self%motions(i)%jump_order > 0)
             if (pieces_hide) return
         end do
-        do i = 1, size(self%laws)
-            pieces_hide = self%laws(i)%law%hides(from, to, between)
+        do i = 1, size(self%at%laws)
+            pieces_hide = self%at%laws(i)%law%hides(from, to, between)
             if (pieces_hide) return
         end do
-        do i = 1, size(self%formulas)
-            pieces_hide = self%formulas(i)%pieces%hides(from, to, between, .false.)
+        do i = 1, size(self%at%formulas)
+            pieces_hide = self%at%formulas(i)%pieces%hides(from, to, between, .false.)
             if (pieces_hide) return
         end do
     end procedure pieces_hide

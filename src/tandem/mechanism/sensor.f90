@@ -17,15 +17,15 @@ module tandem_mechanism_sensor
 
     public :: sensor_type, sensed_point, sensed_joint, sensed_distance, sensed_energy, quantities_of
     public :: begin_sensor, measure_sensor, pack_sensor, sensed_body, sensed_reaction, sensed_force, sensed_balance
-    public :: of_joint, of_wheel, of_knife_edge, of_distance, of_row, of_spring, of_torsion, of_bushing, of_load, &
-        of_massless_wheel, most_rows
+    public :: of_joint, of_wheel, of_knife_edge, of_distance, of_row, of_massless_wheel, of_kind, most_rows, add_quantity
 
     !> Kinds of sensors.
     integer, parameter :: sensed_point = 1, sensed_joint = 2, sensed_distance = 3, sensed_energy = 4, sensed_body = 5
     integer, parameter :: sensed_reaction = 6, sensed_force = 7, sensed_balance = 8
-    !> Elements with a reaction or a force; `of_row` is a coupling, or a row by expressions.
-    integer, parameter :: of_joint = 1, of_wheel = 2, of_knife_edge = 3, of_distance = 4, of_row = 5
-    integer, parameter :: of_spring = 6, of_torsion = 7, of_bushing = 8, of_load = 9, of_massless_wheel = 10
+    !> Elements with a reaction; `of_row` is a coupling, or a row by expressions.
+    integer, parameter :: of_joint = 1, of_wheel = 2, of_knife_edge = 3, of_distance = 4, of_row = 5, of_massless_wheel = 6
+    !> An element of the kind k in the list of kinds has the type of_kind + k.
+    integer, parameter :: of_kind = 6
     !> Largest number of rows of an element: six freedoms, driven or not, and the row of a screw.
     integer, parameter :: most_rows = 7
 
@@ -74,42 +74,44 @@ contains
         allocate (list(0))
         select case (sensor%kind)
         case (sensed_point)
-            call add(sensor, list, 3, 'position', 'm', 'position of the point: x, y, z')
-            call add(sensor, list, 3, 'velocity', 'm/s', 'its velocity')
-            call add(sensor, list, 3, 'acceleration', 'm/s^2', 'its acceleration')
+            call add_quantity(sensor, list, 3, 'position', 'm', 'position of the point: x, y, z')
+            call add_quantity(sensor, list, 3, 'velocity', 'm/s', 'its velocity')
+            call add_quantity(sensor, list, 3, 'acceleration', 'm/s^2', 'its acceleration')
         case (sensed_joint)
             if (sensor%slides) then
-                call add(sensor, list, 0, 'displacement', 'm', 'displacement of the second side')
-                call add(sensor, list, 0, 'speed', 'm/s', 'rate of the displacement')
+                call add_quantity(sensor, list, 0, 'displacement', 'm', 'displacement of the second side')
+                call add_quantity(sensor, list, 0, 'speed', 'm/s', 'rate of the displacement')
             end if
             if (sensor%turns) then
-                call add(sensor, list, 0, 'angle', 'rad', 'rotation of the second side, full rotations counted')
-                call add(sensor, list, 0, 'rate', 'rad/s', 'rate of the angle')
+                call add_quantity(sensor, list, 0, 'angle', 'rad', 'rotation of the second side, full rotations counted')
+                call add_quantity(sensor, list, 0, 'rate', 'rad/s', 'rate of the angle')
             end if
         case (sensed_distance)
-            call add(sensor, list, 0, 'distance', 'm', 'distance of the points')
-            call add(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
+            call add_quantity(sensor, list, 0, 'distance', 'm', 'distance of the points')
+            call add_quantity(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
         case (sensed_energy, sensed_balance)
-            call add(sensor, list, 0, 'kinetic', 'J', 'kinetic energy')
-            call add(sensor, list, 0, 'potential', 'J', 'potential energy of gravity and springs')
+            call add_quantity(sensor, list, 0, 'kinetic', 'J', 'kinetic energy')
+            call add_quantity(sensor, list, 0, 'potential', 'J', 'potential energy of gravity and springs')
             if (sensor%kind == sensed_energy) then
-                call add(sensor, list, 0, 'total', 'J', 'their sum')
+                call add_quantity(sensor, list, 0, 'total', 'J', 'their sum')
             else
-                call add(sensor, list, 0, 'work_of_motions', 'J', 'work that imposed motions have done since the start')
-                call add(sensor, list, 0, 'work_of_forces', 'J', 'work of loads, dampers and other forces without potential')
-                call add(sensor, list, 0, 'residual', 'J', 'change of energy minus this work since the start: 0 except for errors')
+                call add_quantity(sensor, list, 0, 'work_of_motions', 'J', 'work that imposed motions have done since the start')
+                call add_quantity(sensor, list, 0, 'work_of_forces', 'J', &
+                    'work of loads, dampers and other forces without potential')
+                call add_quantity(sensor, list, 0, 'residual', 'J', &
+                    'change of energy minus this work since the start: 0 except for errors')
             end if
         case (sensed_body)
             call list_body(sensor, list)
         case (sensed_reaction)
             call list_reaction(sensor, list)
         case default
-            call list_force(sensor, list)
+            ! The kind of a force lists its quantities.
         end select
     end function quantities_of
 
     !> Append a quantity.
-    subroutine add(sensor, list, width, what, unit, meaning)
+    subroutine add_quantity(sensor, list, width, what, unit, meaning)
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable, intent(inout) :: list(:)
         integer, intent(in) :: width
@@ -119,24 +121,24 @@ contains
             meaning=meaning, group=sensor%group, between=sensor%between, &
             of_multipliers=sensor%kind == sensed_reaction .or. sensor%has_reaction_friction, &
             of_state=sensor%kind /= sensed_balance .and. what /= 'acceleration')]
-    end subroutine add
+    end subroutine add_quantity
 
     !> Datasets of a body.
     subroutine list_body(sensor, list)
         type(sensor_type), intent(in) :: sensor
         type(quantity_type), allocatable, intent(inout) :: list(:)
 
-        call add(sensor, list, 3, 'position', 'm', 'position of the centre of mass: x, y, z')
+        call add_quantity(sensor, list, 3, 'position', 'm', 'position of the centre of mass: x, y, z')
         if (sensor%turns .and. sensor%planar) then
-            call add(sensor, list, 0, 'orientation', 'rad', 'angle of its axes')
+            call add_quantity(sensor, list, 0, 'orientation', 'rad', 'angle of its axes')
         else if (sensor%turns) then
-            call add(sensor, list, 4, 'orientation', '1', 'Euler parameters, from its axes to the world''s')
+            call add_quantity(sensor, list, 4, 'orientation', '1', 'Euler parameters, from its axes to the world''s')
         end if
-        call add(sensor, list, 3, 'velocity', 'm/s', 'velocity of the centre of mass')
-        if (sensor%turns) call add(sensor, list, 3, 'angular_velocity', 'rad/s', 'in the world''s axes')
-        call add(sensor, list, 3, 'acceleration', 'm/s^2', 'acceleration of the centre of mass')
-        call add(sensor, list, 0, 'kinetic_energy', 'J', 'kinetic energy')
-        call add(sensor, list, 0, 'potential_energy', 'J', 'potential energy of gravity, 0 at the origin')
+        call add_quantity(sensor, list, 3, 'velocity', 'm/s', 'velocity of the centre of mass')
+        if (sensor%turns) call add_quantity(sensor, list, 3, 'angular_velocity', 'rad/s', 'in the world''s axes')
+        call add_quantity(sensor, list, 3, 'acceleration', 'm/s^2', 'acceleration of the centre of mass')
+        call add_quantity(sensor, list, 0, 'kinetic_energy', 'J', 'kinetic energy')
+        call add_quantity(sensor, list, 0, 'potential_energy', 'J', 'potential energy of gravity, 0 at the origin')
     end subroutine list_body
 
     !> Datasets of a reaction.
@@ -146,54 +148,25 @@ contains
 
         select case (sensor%of)
         case (of_joint)
-            call add(sensor, list, 3, 'force', 'N', 'force of the first body on the second at the joint, in world axes')
-            call add(sensor, list, 3, 'torque', 'N m', 'torque about the point of the joint, in world axes')
-            call add(sensor, list, 3, 'force_body', 'N', 'the force in the axes of the second body')
-            call add(sensor, list, 3, 'torque_body', 'N m', 'the torque in the axes of the second body')
+            call add_quantity(sensor, list, 3, 'force', 'N', 'force of the first body on the second at the joint, in world axes')
+            call add_quantity(sensor, list, 3, 'torque', 'N m', 'torque about the point of the joint, in world axes')
+            call add_quantity(sensor, list, 3, 'force_body', 'N', 'the force in the axes of the second body')
+            call add_quantity(sensor, list, 3, 'torque_body', 'N m', 'the torque in the axes of the second body')
         case (of_wheel, of_knife_edge, of_massless_wheel)
-            call add(sensor, list, 3, 'position', 'm', 'contact point: x, y, z')
-            call add(sensor, list, 3, 'force', 'N', 'force on the body there, in world axes')
-            call add(sensor, list, 3, 'force_body', 'N', 'force on the body there, in body axes')
+            call add_quantity(sensor, list, 3, 'position', 'm', 'contact point: x, y, z')
+            call add_quantity(sensor, list, 3, 'force', 'N', 'force on the body there, in world axes')
+            call add_quantity(sensor, list, 3, 'force_body', 'N', 'force on the body there, in body axes')
         case (of_distance)
-            call add(sensor, list, 0, 'tension', 'N', 'tension between the points')
-            call add(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
+            call add_quantity(sensor, list, 0, 'tension', 'N', 'tension between the points')
+            call add_quantity(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
         case default
-            call add(sensor, list, 0, trim(merge('torque', 'force ', sensor%unit == 'N m')), trim(sensor%unit), &
+            call add_quantity(sensor, list, 0, trim(merge('torque', 'force ', sensor%unit == 'N m')), trim(sensor%unit), &
                 'along the sum of the row, positive if it accelerates the sum')
-            if (sensor%can_be_freed) call add(sensor, list, 0, 'impulse', trim(sensor%unit)//' s', &
+            if (sensor%can_be_freed) call add_quantity(sensor, list, 0, 'impulse', trim(sensor%unit)//' s', &
                 'of the row at the last event with a velocity jump')
         end select
-        if (sensor%is_driven) call add(sensor, list, 0, 'power', 'W', 'power that its motion gives to the mechanism')
+        if (sensor%is_driven) call add_quantity(sensor, list, 0, 'power', 'W', 'power that its motion gives to the mechanism')
     end subroutine list_reaction
-
-    !> Datasets of a force.
-    subroutine list_force(sensor, list)
-        type(sensor_type), intent(in) :: sensor
-        type(quantity_type), allocatable, intent(inout) :: list(:)
-
-        select case (sensor%of)
-        case (of_spring)
-            call add(sensor, list, 0, 'tension', 'N', 'tension between the points')
-            call add(sensor, list, 3, 'force', 'N', 'force on the second point, in world axes')
-            call add(sensor, list, 0, 'length', 'm', 'distance of the points')
-            call add(sensor, list, 0, 'rate', 'm/s', 'rate of the distance')
-        case (of_torsion)
-            if (sensor%slides) then
-                call add(sensor, list, 0, 'force', 'N', 'along the coordinate, positive if it accelerates the coordinate')
-                call add(sensor, list, 0, 'displacement', 'm', 'coordinate of the joint')
-                call add(sensor, list, 0, 'speed', 'm/s', 'its rate')
-            else
-                call add(sensor, list, 0, 'torque', 'N m', 'about the axis, positive if it accelerates the angle')
-                call add(sensor, list, 0, 'angle', 'rad', 'coordinate of the joint')
-                call add(sensor, list, 0, 'rate', 'rad/s', 'its rate')
-            end if
-        case default
-            call add(sensor, list, 3, 'force', 'N', 'force on the second body, or on the loaded body, in world axes')
-            call add(sensor, list, 3, 'torque', 'N m', 'torque about the point of application, in world axes')
-        end select
-        if (sensor%of /= of_load) call add(sensor, list, 0, 'energy', 'J', 'potential energy')
-        call add(sensor, list, 0, 'power', 'W', 'power of its dampers, laws and functions of time')
-    end subroutine list_force
 
     !> Evaluate a sensor. Turns are counted from the last evaluation: bodies rotate by at most half a turn more than their rates
     !> give.

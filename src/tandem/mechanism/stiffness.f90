@@ -5,7 +5,6 @@
 !> Curvatures of constraints are included for coincident points and Euler parameters, which matter for hanging bodies. Those of axes
 !> and distances are omitted, because they couple bodies that have no force in common.
 submodule(tandem_mechanism) tandem_mechanism_stiffness
-    use tandem_mechanism_formula, only: is_joint, is_joint_rate, is_time
     implicit none (type, external)
 
     !> Blocks requested from each element.
@@ -15,26 +14,20 @@ contains
 
     !> List the pairs of bodies with a force in common, and determine the size of the window.
     module procedure list_coupled
-        integer, allocatable :: pairs(:, :), bodies(:)
-        integer :: i, k, n, pass, most
+        integer, allocatable :: pairs(:, :)
+        integer :: i, j, k, n, n_bodies, pass, most
 
         most = 2
+        allocate (self%touched(most))
         do pass = 1, 2
             n = 0
-            do i = 1, size(self%springs)
-                call add_pair(self%springs(i)%vector%first, self%springs(i)%vector%second)
-            end do
-            do i = 1, size(self%torsions)
-                call add_pair(self%torsions(i)%coordinate%first, self%torsions(i)%coordinate%second)
-            end do
-            do i = 1, size(self%bushings)
-                call add_pair(self%bushings(i)%coordinates(1)%first, self%bushings(i)%coordinates(1)%second)
-            end do
-            do i = 1, size(self%loads)
-                call list_load(self, i, bodies)
-                most = max(most, size(bodies))
-                do k = 2, size(bodies)
-                    call add_pair(bodies(1), bodies(k))
+            do k = 1, size(self%kinds)
+                do i = 1, self%kinds(k)%of%n
+                    call self%kinds(k)%of%touch(i, self%at, n_bodies, self%touched)
+                    most = max(most, n_bodies)
+                    do j = 2, n_bodies
+                        call add_pair(self%touched(1), self%touched(j))
+                    end do
                 end do
             end do
             if (pass == 1) allocate (pairs(2, n), source=0)
@@ -53,44 +46,8 @@ contains
         end subroutine add_pair
     end procedure list_coupled
 
-    !> Bodies that a load depends on, without repetition, beginning with the body on which it acts.
-    subroutine list_load(self, number, bodies)
-        class(mechanism_type), intent(in) :: self
-        integer, intent(in) :: number
-        integer, allocatable, intent(out) :: bodies(:)
-        integer :: i, k
-
-        bodies = [self%loads(number)%body]
-        do k = 1, 6
-            if (self%loads(number)%formula(k) == 0) cycle
-            associate (variables => self%formulas(self%loads(number)%formula(k))%variables)
-                do i = 1, size(variables)
-                    select case (variables(i)%kind)
-                    case (is_time)
-                        cycle
-                    case (is_joint, is_joint_rate)
-                        call join(self%coordinates(variables(i)%owner)%first)
-                        call join(self%coordinates(variables(i)%owner)%second)
-                    case default
-                        call join(variables(i)%owner)
-                    end select
-                end do
-            end associate
-        end do
-
-    contains
-
-        subroutine join(body)
-            integer, intent(in) :: body
-
-            if (body == 0 .or. any(bodies == body)) return
-            bodies = [bodies, body]
-        end subroutine join
-    end subroutine list_load
-
     module procedure evaluate_stiffness
-        integer, allocatable :: bodies(:)
-        integer :: i, j, n_rows
+        integer :: i, j, k, n, n_rows
 
         stat = 0
         call stiffness%clear()
@@ -99,46 +56,27 @@ contains
         do i = 1, size(self%coincidences)
             associate (it => self%coincidences(i))
                 call open_window(self, [it%first, it%second])
-                call differentiate_coincidences(self%coincidences(i:i), n_rows, need_dynamics_q, self%pose, lambda, self%window)
+                call differentiate_coincidences(self%coincidences(i:i), n_rows, need_dynamics_q, self%at%pose, lambda, self%window)
                 call close_window(self, [it%first, it%second], stiffness)
             end associate
         end do
         do i = 1, size(self%turning)
             associate (body => self%turning(i))
                 call open_window(self, [body])
-                call differentiate_inertia(self%bodies(body), self%pose(body), needed, self%window)
-                do j = self%pose(body)%turn, self%pose(body)%turn + 3
+                call differentiate_inertia(self%bodies(body), self%at%pose(body), needed, self%window)
+                do j = self%at%pose(body)%turn, self%at%pose(body)%turn + 3
                     self%window%dynamics_q(j, j) = self%window%dynamics_q(j, j) + lambda(self%before_norms + i)
                 end do
                 call close_window(self, [body], stiffness)
             end associate
         end do
-        do i = 1, size(self%springs)
-            associate (it => self%springs(i)%vector)
-                call open_window(self, [it%first, it%second])
-                call differentiate_springs(self%springs(i:i), needed, t, self%pose, self%f, self%laws, self%window)
-                call close_window(self, [it%first, it%second], stiffness)
-            end associate
-        end do
-        do i = 1, size(self%torsions)
-            associate (it => self%torsions(i)%coordinate)
-                call open_window(self, [it%first, it%second])
-                call differentiate_torsions(self%torsions(i:i), needed, t, self%pose, self%f, self%laws, lambda, self%window)
-                call close_window(self, [it%first, it%second], stiffness)
-            end associate
-        end do
-        do i = 1, size(self%bushings)
-            associate (it => self%bushings(i)%coordinates(1))
-                call open_window(self, [it%first, it%second])
-                call differentiate_bushings(self%bushings(i:i), needed, self%pose, self%window)
-                call close_window(self, [it%first, it%second], stiffness)
-            end associate
-        end do
-        do i = 1, size(self%loads)
-            call list_load(self, i, bodies)
-            call open_window(self, bodies)
-            call differentiate_loads(self%loads(i:i), needed, t, self%pose, self%f, self%formulas, self%coordinates, self%window)
-            call close_window(self, bodies, stiffness)
+        do k = 1, size(self%kinds)
+            do i = 1, self%kinds(k)%of%n
+                call self%kinds(k)%of%touch(i, self%at, n, self%touched)
+                call open_window(self, self%touched(:n))
+                call self%kinds(k)%of%differentiate(i, i, needed, self%at, lambda, self%window)
+                call close_window(self, self%touched(:n), stiffness)
+            end do
         end do
     end procedure evaluate_stiffness
 
@@ -151,7 +89,7 @@ contains
         n = 0
         do k = 1, size(bodies)
             if (bodies(k) == 0) cycle
-            associate (pose => self%pose(bodies(k)))
+            associate (pose => self%at%pose(bodies(k)))
                 pose%place = n + 1
                 n = n + pose%n_place
                 if (pose%n_turn > 0) pose%turn = n + 1
@@ -172,7 +110,7 @@ contains
         call stiffness%add(pack(bodies, bodies > 0), self%window%dynamics_q, self%window%dynamics_qd)
         do k = 1, size(bodies)
             if (bodies(k) == 0) cycle
-            associate (pose => self%pose(bodies(k)))
+            associate (pose => self%at%pose(bodies(k)))
                 pose%place = stiffness%first(bodies(k))
                 if (pose%n_turn > 0) pose%turn = pose%place + pose%n_place
             end associate

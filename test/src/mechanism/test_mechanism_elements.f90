@@ -5,6 +5,9 @@ module test_mechanism_elements
     use asserts, only: check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
     use tandem, only: failure_type => error_type, mechanism_type, plane_type, polynomial_type, ramp, sine_type, wp
+    use tandem_mechanism_element_kind, only: most_measured
+    use tandem_mechanism_sensor, only: sensor_type
+    use tandem_model, only: quantity_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -23,6 +26,7 @@ contains
             new_unittest('every-joint-in-the-plane', test_joints_in_plane), &
             new_unittest('driven-joints-and-distances', test_driven), &
             new_unittest('forces', test_forces), &
+            new_unittest('kinds-of-forces-have-words-and-quantities', test_kinds), &
             new_unittest('knife-edges-disks-and-spheres', test_rolling), &
             new_unittest('words-name-what-is-wrong', test_words)]
     end subroutine collect_mechanism_elements
@@ -46,6 +50,33 @@ contains
         call check_count(error, mechanism%n, 8, 'coordinates in the plane')
         call check_count(error, mechanism%n_holonomic, 0, 'rows in the plane')
     end subroutine test_bodies
+
+    !> Words are distinct; the values of a sensor fit, and the last one is the power. Lists in messages follow the list of kinds.
+    subroutine test_kinds(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(sensor_type) :: sensor
+        type(quantity_type), allocatable :: list(:)
+        character(len=:), allocatable :: words
+        integer :: k
+
+        call mechanism%clear()
+        do k = 1, size(mechanism%kinds)
+            associate (kind => mechanism%kinds(k)%of)
+                call check_count(error, mechanism%kind_number(kind%label()), k, 'index of '//kind%label())
+                allocate (list(0))
+                call kind%list_quantities(sensor, list)
+                call check_true(error, sum(max(1, list%width)) <= most_measured, 'values of '//kind%label())
+                if (size(list) > 0) call check_true(error, index(list(size(list))%path, '/power') > 0, 'power of '//kind%label())
+                deallocate (list)
+            end associate
+        end do
+        call mechanism%list_words(.false., ' or ', words)
+        call check_true(error, words == 'a spring, a torsion, a bushing or a load', 'words of kinds with sensors: '//words)
+        call mechanism%list_words(.true., ' nor ', words)
+        call check_true(error, words == 'a spring nor a torsion', 'words of kinds with numbers that events set: '//words)
+        call check_count(error, mechanism%kind_number('gravity'), 0, 'index of an unknown word')
+    end subroutine test_kinds
 
     !> Between two bodies and between a body and the ground, either way; rows, which the reference configuration satisfies.
     subroutine test_joints_in_space(error)

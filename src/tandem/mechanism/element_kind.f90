@@ -1,0 +1,214 @@
+! SPDX-License-Identifier: MIT
+!> Contract of a kind of elements. One object holds all elements of its kind, so that dispatch happens once per kind and evaluation;
+!> a mechanism has one list of kinds. A kind overrides the procedures for what it has: only its word and its keys have no default.
+module tandem_mechanism_element_kind
+    use tandem_kinds, only: wp
+    use tandem_mechanism_context, only: context_type
+    use tandem_mechanism_coordinate, only: coordinate_type
+    use tandem_mechanism_key_reader, only: reader_type
+    use tandem_mechanism_pose, only: pose_type
+    use tandem_mechanism_sensor, only: sensor_type
+    use tandem_model, only: model_type, quantity_type
+    use tandem_model_derivatives, only: derivatives_type
+    use tandem_pack, only: pack_type
+    implicit none (type, external)
+    private
+
+    public :: element_kind_type, kind_item_type, attachment_type, visit_interface, word_length, most_measured
+
+    !> Length of the word of a kind; largest number of values of a sensor of an element.
+    integer, parameter :: word_length = 8, most_measured = 8
+
+    !> Where an element is attached.
+    type :: attachment_type
+        !> The two bodies between which it acts: 0 for the ground, negative for sliding parts until these are numbered. The first
+        !> one is -1 if it acts on one body only.
+        integer :: body(2) = -1
+        !> Its points in the axes of the bodies (m); true for each at which it is drawn.
+        real(wp) :: point(3, 2) = 0.0_wp
+        logical :: is_drawn(2) = .false.
+        !> Joint at which it is drawn instead, 0 if none.
+        integer :: joint = 0
+        !> True if it acts along the line between its points, whose length then is a natural length of the mechanism.
+        logical :: is_line = .false.
+        !> True if it acts along a displacement; true if its force depends on multipliers.
+        logical :: slides = .false., needs_multipliers = .false.
+    end type attachment_type
+
+    !> All elements of a kind.
+    type, abstract :: element_kind_type
+        !> Number of elements.
+        integer :: n = 0
+        !> True if an element depends on the full turns of an angle in space.
+        logical :: counts_turns = .false.
+    contains
+        procedure(label_interface), deferred, nopass :: label
+        procedure(read_interface), deferred, nopass :: read
+        procedure :: fit => keep_room, renumber => keep_numbers, attachment => no_attachment, touch => touch_both
+        procedure :: add_forces => add_nothing, add_rates => add_nothing, add_energy => add_no_energy
+        procedure :: differentiate => differentiate_nothing, stiffest => no_stiffness
+        procedure :: list_quantities => no_quantities, measure => measure_nothing
+        procedure, nopass :: list_settings => no_settings
+        procedure :: set => set_nothing, visit_coordinates => visit_nothing, pack_state => pack_nothing
+    end type element_kind_type
+
+    !> Element of the list of kinds.
+    type :: kind_item_type
+        class(element_kind_type), allocatable :: of
+    end type kind_item_type
+
+    abstract interface
+        !> Word of the kind in scenes and messages.
+        pure function label_interface() result(label)
+            import :: word_length
+            implicit none (type, external)
+            character(len=word_length) :: label
+        end function label_interface
+
+        !> Read the keys of an element after its type, close its table, and add it by the builder.
+        subroutine read_interface(reader, mechanism, n_points)
+            import :: model_type, reader_type
+            implicit none (type, external)
+            type(reader_type), intent(inout) :: reader
+            !> A `builder_type`, whose module uses this one.
+            class(model_type), intent(inout) :: mechanism
+            !> Number of unnamed points so far.
+            integer, intent(inout) :: n_points
+        end subroutine read_interface
+
+        !> Operation on a joint coordinate.
+        pure subroutine visit_interface(coordinate, pose, f)
+            import :: coordinate_type, pose_type, wp
+            implicit none (type, external)
+            type(coordinate_type), intent(inout) :: coordinate
+            type(pose_type), intent(in) :: pose(0:)
+            !> Values and derivatives of the functions of time.
+            real(wp), intent(in), contiguous :: f(0:, :)
+        end subroutine visit_interface
+    end interface
+
+contains
+
+    !> Trim the list to its used length.
+    pure subroutine keep_room(self)
+        class(element_kind_type), intent(inout) :: self
+    end subroutine keep_room
+
+    !> Replace preliminary numbers: sliding part -i becomes the pose behind all bodies, and row -i at velocity level the row behind
+    !> all holonomic ones.
+    pure subroutine keep_numbers(self, n_bodies, n_holonomic)
+        class(element_kind_type), intent(inout) :: self
+        integer, intent(in) :: n_bodies, n_holonomic
+    end subroutine keep_numbers
+
+    !> Where an element is attached.
+    pure function no_attachment(self, number) result(attachment)
+        class(element_kind_type), intent(in) :: self
+        !> Index of the element.
+        integer, intent(in) :: number
+        type(attachment_type) :: attachment
+
+        attachment = attachment_type()
+    end function no_attachment
+
+    !> List the bodies on whose coordinates an element depends, beginning with those on which it exerts a force.
+    subroutine touch_both(self, number, context, n, bodies)
+        class(element_kind_type), intent(in) :: self
+        integer, intent(in) :: number
+        type(context_type), intent(in) :: context
+        !> Number of bodies, and the bodies; the list may be longer, so that it is seldom allocated.
+        integer, intent(out) :: n
+        integer, allocatable, intent(inout) :: bodies(:)
+        type(attachment_type) :: attachment
+
+        attachment = self%attachment(number)
+        n = 2
+        bodies(1:2) = attachment%body
+    end subroutine touch_both
+
+    !> Add the forces of all elements at the poses and rates of the context, or (`add_rates`) their partial derivatives with respect
+    !> to time: there the context has the rates of functions and laws in place of their values. stat > 0 if a force is undefined.
+    pure subroutine add_nothing(self, context, force, stat)
+        class(element_kind_type), intent(inout) :: self
+        type(context_type), intent(inout) :: context
+        real(wp), intent(inout) :: force(:)
+        integer, intent(inout) :: stat
+    end subroutine add_nothing
+
+    !> Add the potential energy of all elements to a sum (J), at the poses of the context.
+    pure subroutine add_no_energy(self, context, energy)
+        class(element_kind_type), intent(inout) :: self
+        type(context_type), intent(in) :: context
+        real(wp), intent(inout) :: energy
+    end subroutine add_no_energy
+
+    !> Add the requested gradient blocks of a range of elements.
+    pure subroutine differentiate_nothing(self, first, last, need, context, lambda, derivatives)
+        class(element_kind_type), intent(inout) :: self
+        integer, intent(in) :: first, last, need
+        type(context_type), intent(inout) :: context
+        !> Multipliers.
+        real(wp), intent(in) :: lambda(:)
+        type(derivatives_type), intent(inout) :: derivatives
+    end subroutine differentiate_nothing
+
+    !> Largest ratio of a stiffness and the inertia that it moves (1/s^2).
+    pure real(wp) function no_stiffness(self, mass, inertia) result(square)
+        class(element_kind_type), intent(in) :: self
+        !> Largest mass (kg) and moment of inertia (kg m^2) of a body.
+        real(wp), intent(in) :: mass, inertia
+
+        square = 0.0_wp
+    end function no_stiffness
+
+    !> Append the quantities of a sensor of an element. The last one is the power of forces without a potential.
+    subroutine no_quantities(self, sensor, list)
+        class(element_kind_type), intent(in) :: self
+        type(sensor_type), intent(in) :: sensor
+        type(quantity_type), allocatable, intent(inout) :: list(:)
+    end subroutine no_quantities
+
+    !> Values of these quantities, without gaps, at the poses and rates of the context. For files, not for steps.
+    pure subroutine measure_nothing(self, number, context, lambda, values, power)
+        class(element_kind_type), intent(inout) :: self
+        integer, intent(in) :: number
+        type(context_type), intent(inout) :: context
+        !> Multipliers; may be empty if the element does not need them.
+        real(wp), intent(in) :: lambda(:)
+        real(wp), intent(out) :: values(most_measured)
+        !> Power of the part of the force without a potential (W), negative for a damper.
+        real(wp), intent(out) :: power
+
+        values = 0.0_wp
+        power = 0.0_wp
+    end subroutine measure_nothing
+
+    !> List the names of the three numbers of an element that events may set, blank if there are none. gfortran 12 fails on a
+    !> function with this result.
+    pure subroutine no_settings(names)
+        character(len=9), intent(out) :: names(3)
+
+        names = ''
+    end subroutine no_settings
+
+    !> Set one of these numbers.
+    pure subroutine set_nothing(self, number, setting, value)
+        class(element_kind_type), intent(inout) :: self
+        !> Index of the element, and of the name in this list.
+        integer, intent(in) :: number, setting
+        real(wp), intent(in) :: value
+    end subroutine set_nothing
+
+    !> Call `visit` for the coordinates whose turns are counted.
+    pure subroutine visit_nothing(self, visit, context)
+        class(element_kind_type), intent(inout) :: self
+        procedure(visit_interface) :: visit
+        type(context_type), intent(in) :: context
+    end subroutine visit_nothing
+
+    !> Pack turns and the numbers that events may set.
+    subroutine pack_nothing(self, pack)
+        class(element_kind_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+    end subroutine pack_nothing
+end module tandem_mechanism_element_kind
