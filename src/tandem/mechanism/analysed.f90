@@ -41,11 +41,11 @@ contains
         integer :: i
 
         call move_alloc(self%at%f, f)
-        call move_alloc(self%at%laws, laws)
         allocate (self%at%f(0:2, size(f, 2)), source=0.0_wp)
         self%at%f(0, :) = f(1, :)
-        allocate (self%at%laws(size(laws)))
+        allocate (laws(size(self%at%laws)))
         do i = 1, size(laws)
+            call move_alloc(self%at%laws(i)%law, laws(i)%law)
             allocate (law_rate_type :: self%at%laws(i)%law)
             select type (rate => self%at%laws(i)%law)
             type is (law_rate_type)
@@ -56,7 +56,9 @@ contains
             call self%kinds(i)%of%add_rates(self%at, value, stat)
         end do
         call move_alloc(f, self%at%f)
-        call move_alloc(laws, self%at%laws)
+        do i = 1, size(laws)
+            call move_alloc(laws(i)%law, self%at%laws(i)%law)
+        end do
     end subroutine add_rates
 
     module procedure start_sums
