@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Bushings: forces along six coordinates between two frames, f = K x + C xd for displacements and small angles.
+!> Bushings, forces along six coordinates between two frames: f = K x + C xd for displacements and small angles.
 module tandem_mechanism_elements_bushing
     use tandem_error, only: error_type
     use tandem_kinds, only: wp

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Loads: given forces and torques on a body, constants times a function of time, and expressions of the state.
+!> Loads, which are given forces and torques on a body: constants times a function of time, and expressions of the state.
 module tandem_mechanism_elements_load
     use tandem_error, only: error_type
     use tandem_kinds, only: wp

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Springs: spring-dampers between two points. The tension f = k (l - l0) + c ld + u(t) + g(t, l, ld) is positive if it pulls the
+!> Springs with dampers between two points. The tension f = k (l - l0) + c ld + u(t) + g(t, l, ld) is positive if it pulls the
 !> ends together; the generalised force is -f l_q.
 module tandem_mechanism_elements_spring
     use tandem_error, only: error_type

@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Torsions: forces along the coordinate x of a joint, f = -k (x - x0) - c xd + u(t) + g(t, x, xd), positive if it accelerates the
+!> Torsions, forces along the coordinate x of a joint: f = -k (x - x0) - c xd + u(t) + g(t, x, xd), positive if it accelerates the
 !> coordinate. The generalised force is f x_q and its power f xd. Friction on the reaction of a joint is a torsion whose law g gives
 !> the friction for a normal force of 1 N.
 module tandem_mechanism_elements_torsion
