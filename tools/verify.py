@@ -7,9 +7,10 @@ Usage: tools/verify.py [PART...]        without a name, the parts of `make test`
        tools/verify.py --list           their names, with the minutes that each takes on two idle cores
 
 Each part is a command and a reader that counts the tests in its output. Two parts run at the same time where there are two
-cores: tests use one core each, and builds wait for single long files. A part that fails does not keep the later ones from running. A part whose command fails, hangs, or runs no test counts as a failure. The limits of parts are limits of
-processor time, so that a busy machine does not turn them red; a part that uses no processor for a quarter of its limit is
-stopped too. The output of a part is in build/verify/PART.log. The exit code is 1 if anything failed.
+cores: tests use one core each, and builds wait for single long files. A part that fails does not keep the later ones from
+running. A part whose command fails, hangs, or runs no test counts as a failure. The limits of parts are limits of processor
+time, so that a busy machine does not turn them red; a part that uses no processor for a quarter of its limit is stopped too.
+The output of a part is in build/verify/PART.log. The exit code is 1 if anything failed.
 """
 
 import concurrent.futures
@@ -243,7 +244,7 @@ class Part:
     folder: Path = ROOT
     # The limit of its processor time.
     minutes: float = 40
-    # The minutes that it takes on two idle cores.
+    # The minutes that it takes on one of two idle cores.
     expected: float = 0.2
     # Another part that must run before, even if it was not requested.
     needs: str = ""
@@ -442,7 +443,8 @@ def main(names):
     print(f"{len(parts)} parts; about {sum(part.expected for part in parts) / 2:.0f} minutes on two idle cores", flush=True)
     for number, (part, count, seconds) in enumerate(results(parts, lanes), 1):
         skipped = f", {count.skipped} skipped" if count.skipped else ""
-        print(f"{number:2}/{len(parts)} {part.name:10}{count.passed:5} passed, {count.failed} failed{skipped}  ({seconds:.1f} s)", flush=True)
+        told = f"{count.passed:5} passed, {count.failed} failed{skipped}  ({seconds:.1f} s)"
+        print(f"{number:2}/{len(parts)} {part.name:10}{told}", flush=True)
         if count.failed:
             for note in count.notes[:80]:
                 print(f"    {note}")
