@@ -162,6 +162,16 @@ class Models(Mechanism):
             self.near(file["bodies/a/acceleration"][0], [0, -0.5*9/7*G, 0], 1e-11)
             self.near(file["bodies/b/acceleration"][0], [0, -(9/7 - 0.5*3/7)*G, 0], 1e-11)
 
+    def test_a_weld_to_a_body_that_the_user_moves(self):
+        """A free bar sinks by its weight on a spring with critical damping, of frequency 1/(0.02 s * 0.95)."""
+        text = '<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="guide" mocap="true"/><body name="b"><freejoint/>' \
+            '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody><equality><{} body1="guide" body2="b"{}/></equality></mujoco>'
+        for kind, more in (("weld", ""), ("connect", ' anchor="0 0 0"')):
+            self.imported(text.format(kind, more))
+            with self.went("model.toml", 'results.bodies="all"', "time.end=0.05", "solver.rtol=1e-10") as file:
+                w = 1/(0.02*0.95)
+                self.near(file["bodies/b/position"][-1], [0, 0, -G/w**2*(1 - (1 + 0.05*w)*np.exp(-0.05*w))], 1e-10)
+
     def test_a_coupling(self):
         """Two bars one of which turns twice as far, backwards."""
         two = '<mujoco><option gravity="0 -9.81 0"/><worldbody>' + BAR.format("a", "0 0 0", "0.5 0 0", "") + BAR.format("b", "3 0 0", "0.5 0 0", "") \

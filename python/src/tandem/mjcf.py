@@ -71,7 +71,7 @@ def load_model(path) -> SimpleNamespace:
     for name, of in (("jnt_stiffnesspoly", "jnt_stiffness"), ("jnt_springyield", "jnt_stiffness"), ("dof_dampingpoly", "dof_damping"),
                      ("tendon_stiffnesspoly", "tendon_stiffness"), ("tendon_dampingpoly", "tendon_damping"), ("tendon_armature", "tendon_damping"),
                      ("tendon_springyield", "tendon_damping"), ("actuator_armature", "actuator_trntype"), ("actuator_damping", "actuator_trntype"),
-                     ("jnt_actfrclimited", "jnt_type")):
+                     ("jnt_actfrclimited", "jnt_type"), ("tendon_actfrclimited", "tendon_num")):
         # Older versions of MuJoCo do not have all.
         if not hasattr(model, name):
             setattr(model, name, np.zeros(len(getattr(model, of))))
@@ -139,7 +139,7 @@ class Importer(Drives):
         for name in ("actuator_gainprm", "actuator_biasprm"):
             only(name, lambda k: k in self.taken_actuators)
         for name in ("jnt_stiffnesspoly", "dof_dampingpoly", "dof_frictionloss", "tendon_stiffnesspoly", "tendon_dampingpoly",
-                     "actuator_armature", "actuator_damping", "jnt_actfrclimited"):
+                     "actuator_armature", "actuator_damping", "jnt_actfrclimited", "tendon_actfrclimited"):
             only(name, lambda k: False)
         return found
 

@@ -12,6 +12,8 @@ RIGHT = 1e-9
 FREE, BALL, SLIDE, HINGE = range(4)
 #: Joints of a coupling.
 MOST_COUPLED = 8
+#: A kind of losses.
+SUM_LIMITS = "limits of the sum of actuator forces on a joint or a tendon"
 
 
 def joined(joints, rest, parent):
@@ -206,10 +208,12 @@ class Drives:
         m, scene = self.m, self.scene
         kind, of, gear = int(m.actuator_trntype[i]), int(m.actuator_trnid[i, 0]), float(m.actuator_gear[i, 0])
         sign = 1
+        if kind == 3 and m.tendon_actfrclimited[of]:
+            self.losses.add(SUM_LIMITS, str(m.names_tendon[of]))
         if kind in (0, 1) and self.joints[of].element:
             joint = self.joints[of]
             if m.jnt_actfrclimited[of]:
-                self.losses.add("limits of the sum of actuator forces on joints", joint.name)
+                self.losses.add(SUM_LIMITS, joint.name)
             coordinate, at, sign = joint.element, joint.sign*self.q[joint.q], joint.sign
         elif kind == 3 and of in self.sums:
             coordinate, at = self.sums[of]
@@ -255,7 +259,8 @@ class Drives:
                 self.losses.add("equalities of an unsupported kind", name)
 
     def loop(self, k, kind, name) -> None:
-        """A joint between points of two bodies; MuJoCo holds it by springs."""
+        """A joint between points of two bodies; MuJoCo holds it by springs, and so does the scene at a body that the user moves: a body
+        may be led along any path only by springs."""
         m = self.m
         data, ids = m.eq_data[k], (int(m.eq_obj1id[k]), int(m.eq_obj2id[k]))
         if m.eq_objtype[k] == 6:
@@ -273,6 +278,12 @@ class Drives:
             if np.abs(frames[0].a.T @ frames[1].a - rotation_of(data[6:10])).max() > 1e-6:
                 self.losses.add("relative rotations of welds, which hold that of the drawing", name)
         texts = [quoted(self.point_text(b, point)) for b, point in zip(bodies, points)]
+        if any(m.body_mocapid[b] >= 0 for b in bodies):
+            along, about = (stop_of(m.eq_solref[k], m.eq_solimp[k], sum(m.body_invweight0[b][i] for b in bodies)) for i in (0, 1))
+            parts = 3*[along] + 3*[about if kind == 1 else (0.0, 0.0)]
+            self.scene.add("force", self.scene.names.take(name), {"type": '"bushing"', "between": f"[{', '.join(texts)}]", **{
+                key: text_of([part[j] for part in parts]) for j, key in enumerate(("stiffness", "damping"))}})
+            return
         self.scene.add("joint", self.scene.names.take(name), {"type": quoted("spherical" if kind == 0 else "fixed"), "bodies": f"[{', '.join(texts)}]"})
         self.scene.closes = True
 

@@ -15,12 +15,12 @@ import numpy as np
 
 #: Arrays of the compiled model that an import reads.
 FIELDS = """qpos0 qpos_spring body_parentid body_pos body_quat body_ipos body_iquat body_mass body_inertia body_gravcomp body_mocapid
-body_jntnum body_jntadr jnt_type jnt_qposadr jnt_dofadr jnt_bodyid jnt_pos jnt_axis jnt_stiffness jnt_stiffnesspoly jnt_springyield
+body_invweight0 body_jntnum body_jntadr jnt_type jnt_qposadr jnt_dofadr jnt_bodyid jnt_pos jnt_axis jnt_stiffness jnt_stiffnesspoly jnt_springyield
 jnt_limited jnt_range jnt_solref jnt_solimp jnt_actfrclimited dof_armature dof_damping dof_dampingpoly dof_frictionloss dof_invweight0
-eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 eq_data tendon_adr tendon_num tendon_limited tendon_range tendon_stiffness
-tendon_stiffnesspoly tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_lengthspring tendon_length0
-tendon_invweight0 tendon_solref_lim tendon_solimp_lim tendon_springyield wrap_type wrap_objid wrap_prm actuator_trntype actuator_trnid
-actuator_gear actuator_gaintype actuator_biastype actuator_dyntype actuator_gainprm actuator_biasprm actuator_forcelimited
+eq_type eq_obj1id eq_obj2id eq_objtype eq_active0 eq_data eq_solref eq_solimp tendon_adr tendon_num tendon_limited tendon_range
+tendon_stiffness tendon_stiffnesspoly tendon_damping tendon_dampingpoly tendon_armature tendon_frictionloss tendon_lengthspring tendon_length0
+tendon_invweight0 tendon_solref_lim tendon_solimp_lim tendon_springyield tendon_actfrclimited wrap_type wrap_objid wrap_prm actuator_trntype
+actuator_trnid actuator_gear actuator_gaintype actuator_biastype actuator_dyntype actuator_gainprm actuator_biasprm actuator_forcelimited
 actuator_forcerange actuator_armature actuator_damping actuator_ctrladr actuator_ctrlnum site_bodyid site_pos site_quat sensor_type
 sensor_objtype sensor_objid geom_type geom_bodyid geom_pos geom_quat geom_size geom_dataid geom_contype geom_conaffinity geom_group
 mesh_pos mesh_quat mesh_scale key_qpos key_qvel key_ctrl""".split()
@@ -62,7 +62,7 @@ def accelerate(mujoco, path, given, target):
     model.opt.density = model.opt.viscosity = 0
     for name in ("jnt_stiffness", "jnt_stiffnesspoly", "dof_damping", "dof_dampingpoly", "dof_armature", "dof_frictionloss", "tendon_stiffness",
                  "tendon_stiffnesspoly", "tendon_damping", "tendon_dampingpoly", "tendon_armature", "actuator_gainprm", "actuator_biasprm",
-                 "actuator_armature", "actuator_damping", "jnt_actfrclimited"):
+                 "actuator_armature", "actuator_damping", "jnt_actfrclimited", "tendon_actfrclimited"):
         if hasattr(model, name):
             # What the import has not taken is off.
             array = getattr(model, name)

@@ -80,6 +80,8 @@ contains
             new_unittest('friction-on-reactions', test_friction), &
             new_unittest('coordinates-without-mass', test_massless), &
             new_unittest('bodies-without-mass', test_hinges), &
+            new_unittest('bodies-without-mass-come-to-rest', test_rest), &
+            new_unittest('a-load-far-from-a-body-without-mass', test_far_load), &
             new_unittest('a-body-without-mass-that-turns-freely-is-refused', test_free_body), &
             new_unittest('redundant-rows-at-velocity-level', test_redundant), &
             new_unittest('couplings-that-can-be-freed', test_coupling), &
@@ -127,6 +129,66 @@ contains
         end do
         call compare(text, 0, error)
     end subroutine test_hinges
+
+    !> Two slides with a body without mass between them, across gravity: accelerations decay until their squares underflow.
+    subroutine test_rest(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scene
+        type(simulation_type) :: simulation
+        type(failure_type), allocatable :: failure
+
+        call read_scene('test.toml', [character(len=1) ::], scene, failure, text='[scene]'//nl//'model = "mechanism"'//nl// &
+            '[gravity]'//nl//'vector = [0, 0, -9.81]'//nl//'[time]'//nl//'end = 1'//nl// &
+            '[body.between]'//nl//'mass = 0'//nl//'inertia = [0, 0, 0]'//nl//'position = [0, 0, 0]'//nl// &
+            '[body.load]'//nl//'mass = 1'//nl//'inertia = [1, 1, 1]'//nl//'position = [0, 0, 0]'//nl// &
+            '[joint.x]'//nl//'type = "prismatic"'//nl//'bodies = ["ground", "between"]'//nl//'at = [0, 0, 0]'//nl// &
+            'axis = [1, 0, 0]'//nl//'[joint.y]'//nl//'type = "prismatic"'//nl//'bodies = ["between", "load"]'//nl// &
+            'at = [0, 0, 0]'//nl//'axis = [0, 1, 0]'//nl)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call simulation%initialize(scene%model, controlled(1.0e-6_wp, 'sparse', 'auto'), scene%t_start, scene%q, scene%qd, &
+            failure, scene%assembly)
+        call check_no_failure(error, failure)
+        call go_on(simulation, 1.0_wp, error)
+        if (.not. allocated(error)) call check_close(error, simulation%state%q, scene%q, 1.0e-14_wp, 'q at rest')
+    end subroutine test_rest
+
+    !> A slide without mass with a load on a hinge, whose weight turns it little, so that the reactions are far larger than the forces
+    !> that are left: accelerations as on the dense chart.
+    subroutine test_far_load(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scene
+        type(simulation_type) :: run
+        type(failure_type), allocatable :: failure
+        real(wp), allocatable :: expected(:)
+        character(len=80) :: state
+        real(wp) :: angle
+        integer :: k
+
+        do k = 1, 10
+            angle = 0.03_wp*real(k, wp)**2 - 1
+            write (state, '(a, 3(f19.16, a))') 'position = [', cos(angle), ', 0, ', -sin(angle), ']'
+            call read_scene('test.toml', [character(len=1) ::], scene, failure, text= &
+                '[scene]'//nl//'model = "mechanism"'//nl//'[time]'//nl//'end = 1'//nl// &
+                '[gravity]'//nl//'vector = [0, 0, -9.81]'//nl// &
+                '[body.slide]'//nl//'mass = 0'//nl//'inertia = [0, 0, 0]'//nl//'position = [0, 0, 0]'//nl// &
+                'velocity = [0, 0, 0.1]'//nl// &
+                '[body.load]'//nl//'mass = 1'//nl//'inertia = [0.006, 0.007, 0.008]'//nl//trim(state)//nl// &
+                'velocity = [0, 0, 0.1]'//nl// &
+                '[joint.guide]'//nl//'type = "prismatic"'//nl//'bodies = ["ground", "slide"]'//nl//'at = [0, 0, 0]'//nl// &
+                'axis = [0, 0, 1]'//nl//'[joint.hinge]'//nl//'type = "revolute"'//nl//'bodies = ["slide", "load"]'//nl// &
+                'at = [0, 0, 0]'//nl//'axis = [0, 1, 0]'//nl)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call run%initialize(scene%model, controlled(1.0e-6_wp, 'dense', 'dop853'), scene%t_start, scene%q, scene%qd, failure)
+            call check_no_failure(error, failure)
+            expected = run%state%qdd
+            call run%initialize(scene%model, controlled(1.0e-6_wp, 'sparse', 'dop853'), scene%t_start, scene%q, scene%qd, failure)
+            call check_no_failure(error, failure)
+            if (.not. allocated(error)) call check_close(error, run%state%qdd, expected, 1.0e-11_wp, 'qdd '//trim(state))
+            if (allocated(error)) return
+        end do
+    end subroutine test_far_load
 
     !> Without forces it would not move: the start is refused nevertheless.
     subroutine test_free_body(error)

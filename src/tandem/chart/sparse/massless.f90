@@ -143,7 +143,9 @@ contains
         real(wp), parameter :: largest_rounding = 1.0e-9_wp, slow = 0.3_wp
         !> Rounding error of a step relative to it: the factor loses the digits of the small mass.
         real(wp), parameter :: rounding = 1.0e-8_wp
-        real(wp) :: before, curvature, last, product, rest
+        !> Accelerations below this part of their natural scale are zero: their squares may underflow.
+        real(wp), parameter :: negligible = 1.0e-50_wp
+        real(wp) :: before, curvature, last, least, product, rest
         integer :: k
 
         stat = status_ok
@@ -157,26 +159,32 @@ contains
             if (is_acceleration) call add_guess()
             call factor%solve(a, .true., left, g, x, z)
             self%no_rows(:) = 0.0_wp
-            direction(:) = 0.0_wp
+            least = sum(self%added*(negligible*self%rate**2*self%scale(self%massless))**2)
             before = 1.0_wp
             last = 0.0_wp
             do k = 1, most
                 call factor%find_unbalanced(a, mass, f, x, z, left)
                 call factor%solve(a, .true., left, self%no_rows, d, more)
                 z(:) = z + more
-                product = dot_product(left, d)
-                ! Zero, or rounding.
-                if (.not. product > 0.0_wp) exit
-                direction(:) = d + merge(product/before, 0.0_wp, k > 1)*direction
-                call self%pattern%multiply_mass(mass, direction, moved)
+                ! In exact arithmetic, `left` times d. Reactions in `left`, which do no work, would leave their rounding errors there.
+                call self%pattern%multiply_mass(mass, d, left)
+                product = dot_product(d, left) + sum(self%added*d(self%massless)**2)
+                if (.not. product > least) exit
+                if (k > 1) then
+                    direction(:) = d + product/before*direction
+                    moved(:) = left + product/before*moved
+                else
+                    direction(:) = d
+                    moved(:) = left
+                end if
                 curvature = dot_product(direction, moved)
                 if (.not. curvature*largest_ratio > sum(self%added*direction(self%massless)**2)) stat = status_singular_mass
                 if (stat /= status_ok) exit
-                moved(:) = product/curvature*direction
-                rest = largest_part(size(x), moved, x, self%scale, self%rate**2)
+                d(:) = product/curvature*direction
+                rest = largest_part(size(x), d, x, self%scale, self%rate**2)
                 if (k > 1) self%reduction = min(max(rest/last, rounding), 1.0_wp)
                 if (k > 1 .and. rest <= rounding*last) exit
-                x(:) = x + moved
+                x(:) = x + d
                 if (rest*self%reduction <= largest_rest) exit
                 if (k > 1 .and. rest <= largest_rounding .and. rest > slow*last) exit
                 before = product
