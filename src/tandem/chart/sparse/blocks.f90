@@ -86,17 +86,36 @@ contains
         real(wp), intent(in) :: b(*), x(s*s)
         real(wp), intent(out) :: l(*)
 
-        if (p == 5 .and. s == 5) then
-            call multiply_right_sized(5, 8, 5, b, x, l)
-        else if (p == 2 .and. s == 2) then
-            call multiply_right_sized(2, 2, 2, b, x, l)
-        else if (p == 3 .and. s == 3) then
-            call multiply_right_sized(3, 4, 3, b, x, l)
-        else if (p == 7 .and. s == 5) then
-            call multiply_right_sized(7, 8, 5, b, x, l)
-        else
+        select case (p)
+        case (5)
+            if (s == 5) then
+                call multiply_right_sized(5, 8, 5, b, x, l)
+            else
+                call multiply_right_sized(5, 8, s, b, x, l)
+            end if
+        case (3)
+            if (s == 3) then
+                call multiply_right_sized(3, 4, 3, b, x, l)
+            else
+                call multiply_right_sized(3, 4, s, b, x, l)
+            end if
+        case (2)
+            if (s == 2) then
+                call multiply_right_sized(2, 2, 2, b, x, l)
+            else
+                call multiply_right_sized(2, 2, s, b, x, l)
+            end if
+        case (1)
+            call multiply_right_sized(1, 1, s, b, x, l)
+        case (7)
+            if (s == 5) then
+                call multiply_right_sized(7, 8, 5, b, x, l)
+            else
+                call multiply_right_sized(7, 8, s, b, x, l)
+            end if
+        case default
             call multiply_right_sized(p, padded(p), s, b, x, l)
-        end if
+        end select
     end subroutine multiply_right
 
     pure subroutine multiply_right_sized(p, lanes, s, b, x, l)
@@ -127,17 +146,36 @@ contains
         real(wp), intent(in) :: l(*), b(q*s)
         real(wp), intent(inout) :: x(p*q)
 
-        if (p == 5 .and. q == 5 .and. s == 5) then
-            call subtract_five_update(5, 5, l, b, x)
-        else if (p == 2 .and. q == 2 .and. s == 2) then
-            call subtract_update_sized(2, 2, 2, 2, l, b, x)
-        else if (p == 3 .and. q == 3 .and. s == 3) then
-            call subtract_update_sized(3, 4, 3, 3, l, b, x)
-        else if (p == 7 .and. q == 7 .and. s == 5) then
-            call subtract_seven_update(7, 5, l, b, x)
-        else
+        select case (p)
+        case (5)
+            if (q == 5 .and. s == 5) then
+                call subtract_five_update(5, 5, l, b, x)
+            else
+                call subtract_update_sized(5, 8, q, s, l, b, x)
+            end if
+        case (3)
+            if (q == 3 .and. s == 3) then
+                call subtract_update_sized(3, 4, 3, 3, l, b, x)
+            else
+                call subtract_update_sized(3, 4, q, s, l, b, x)
+            end if
+        case (2)
+            if (q == 2 .and. s == 2) then
+                call subtract_update_sized(2, 2, 2, 2, l, b, x)
+            else
+                call subtract_update_sized(2, 2, q, s, l, b, x)
+            end if
+        case (1)
+            call subtract_update_sized(1, 1, q, s, l, b, x)
+        case (7)
+            if (q == 7 .and. s == 5) then
+                call subtract_seven_update(7, 5, l, b, x)
+            else
+                call subtract_update_sized(7, 8, q, s, l, b, x)
+            end if
+        case default
             call subtract_update_sized(p, padded(p), q, s, l, b, x)
-        end if
+        end select
     end subroutine subtract_update
 
     !> For five rows, like `subtract_five_rows`.
@@ -227,17 +265,20 @@ contains
         real(wp), intent(in) :: l(*)
         real(wp), intent(inout) :: x(p*s)
 
-        if (p == 5 .and. s == 5) then
-            call keep_rows_sized(5, 8, 5, l, x)
-        else if (p == 2 .and. s == 2) then
-            call keep_rows_sized(2, 2, 2, l, x)
-        else if (p == 3 .and. s == 3) then
-            call keep_rows_sized(3, 4, 3, l, x)
-        else if (p == 7 .and. s == 5) then
-            call keep_rows_sized(7, 8, 5, l, x)
-        else
+        select case (p)
+        case (5)
+            call keep_rows_sized(5, 8, s, l, x)
+        case (3)
+            call keep_rows_sized(3, 4, s, l, x)
+        case (2)
+            call keep_rows_sized(2, 2, s, l, x)
+        case (1)
+            call keep_rows_sized(1, 1, s, l, x)
+        case (7)
+            call keep_rows_sized(7, 8, s, l, x)
+        case default
             call keep_rows_sized(p, padded(p), s, l, x)
-        end if
+        end select
     end subroutine keep_rows
 
     pure subroutine keep_rows_sized(p, lanes, s, l, x)

@@ -143,8 +143,6 @@ contains
         real(wp), parameter :: largest_rounding = 1.0e-9_wp, slow = 0.3_wp
         !> Rounding error of a step relative to it: the factor loses the digits of the small mass.
         real(wp), parameter :: rounding = 1.0e-8_wp
-        !> Accelerations below this part of their natural scale are zero: their squares may underflow.
-        real(wp), parameter :: negligible = 1.0e-50_wp
         real(wp) :: before, curvature, last, least, product, rest
         integer :: k
 
@@ -159,7 +157,8 @@ contains
             if (is_acceleration) call add_guess()
             call factor%solve(a, .true., left, g, x, z)
             self%no_rows(:) = 0.0_wp
-            least = sum(self%added*(negligible*self%rate**2*self%scale(self%massless))**2)
+            ! With the largest ratio, a step of this size is negligible; its direction is rounding.
+            least = sum(self%added*(largest_rest/largest_ratio*self%rate**2*self%scale(self%massless))**2)
             before = 1.0_wp
             last = 0.0_wp
             do k = 1, most
