@@ -43,8 +43,10 @@ contains
 
         if (.not. allocated(self%c)) then
             allocate (self%c(size(q0), conditions*most_nodes + 1), self%zeros(conditions*most_nodes + 1), source=0.0_wp)
-            allocate (self%q0(size(q0)), self%qd(size(q0)), self%qdd(size(q0)), source=0.0_wp)
+            allocate (self%q0(size(q0)), source=0.0_wp)
         end if
+        ! Restored states have no work space.
+        if (.not. allocated(self%qd)) allocate (self%qd(size(q0)), self%qdd(size(q0)), source=0.0_wp)
         self%t0 = t0
         self%q0(:) = q0
         self%n_terms = 0
