@@ -502,6 +502,8 @@ contains
                 end if
                 ! States before the configuration may be as inaccurate as they were near.
                 call crossing%recent%forget()
+                ! Charts reach no further than to a configuration in which C loses rank.
+                if (self%options%chart /= 'every_step') self%renewal%reason = by_failure
             else if (crossing%recent%is_full() .and. self%lost_rank%is_far() .and. modulo(self%tally%steps, far) /= 0) then
                 return
             end if

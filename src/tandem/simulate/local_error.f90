@@ -51,7 +51,7 @@ module tandem_simulate_local_error
         logical, private :: is_of_earlier_step = .false.
     contains
         procedure :: initialize, set_weights, add, take_back, extend, restart, pack_state
-        procedure :: gap, jump, allow_gap, begin_step, find_gap, is_missed, size_of_window
+        procedure :: gap, jump, allow_gap, begin_step, find_gap, has_jumped, is_missed, size_of_window
         procedure :: largest_part, largest_parts, add_rotation, count_imposed, add_imposed
         procedure, private :: largest_velocity, gap_is_possible, scale_of, size_of_q
     end type local_error_type
@@ -390,6 +390,29 @@ contains
         if (is_found) is_found = gap > rounding*self%largest_velocity(arrived)
         if (is_found) self%last_gap = gap
     end subroutine find_gap
+
+    !> True if coordinates have changed in a step by far more than the velocities at its ends explain: corrections beside a singular
+    !> configuration may end far away.
+    pure logical function has_jumped(self, start, arrived)
+        class(local_error_type), intent(in) :: self
+        !> States at the ends of the step.
+        type(state_type), intent(in) :: start, arrived
+        !> Part of the scale, and multiple of the motion at the larger velocity, that no step exceeds.
+        real(wp), parameter :: part = 0.5_wp, multiple = 10.0_wp
+        real(wp) :: h, jump, moved
+        integer :: i
+
+        h = arrived%t - start%t
+        jump = 0.0_wp
+        moved = 0.0_wp
+        do i = 1, self%n
+            associate (scale => self%scale_of(i))
+                jump = max(jump, abs(arrived%q(i) - start%q(i) - 0.5_wp*h*(arrived%qd(i) + start%qd(i)))/scale)
+                moved = max(moved, h*max(abs(arrived%qd(i)), abs(start%qd(i)))/scale)
+            end associate
+        end do
+        has_jumped = jump > part + multiple*moved
+    end function has_jumped
 
     !> Largest velocity relative to the scales.
     pure real(wp) function largest_velocity(self, state)

@@ -436,6 +436,11 @@ contains
             outcome = misses_tolerance
             return
         end if
+        if (self%local_error%has_jumped(self%state, self%next)) then
+            stat = status_position_diverged
+            call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)
+            return
+        end if
         call self%lost_rank%check(self%chart, self%state, self%next, stat)
         if (stat == status_ok) call self%lost_rank%check_branch(self%chart, self%local_error, self%state, self%next, stat)
         if (stat /= status_ok) return
