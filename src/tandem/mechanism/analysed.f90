@@ -52,9 +52,11 @@ contains
                 allocate (rate%law, source=laws(i)%law)
             end select
         end do
+        self%at%only_rates = .true.
         do i = 1, size(self%kinds)
-            call self%kinds(i)%of%add_rates(self%at, value, stat)
+            if (self%kinds(i)%of%n > 0) call self%kinds(i)%of%add_forces(self%at, value, stat)
         end do
+        self%at%only_rates = .false.
         call move_alloc(f, self%at%f)
         do i = 1, size(laws)
             call move_alloc(laws(i)%law, self%at%laws(i)%law)

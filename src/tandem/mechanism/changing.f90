@@ -91,15 +91,14 @@ contains
                 trim(names(2))//' or '//trim(names(3))
         else
             problem = ''
-            if (.not. is_trial) call self%kinds(type_of - of_kind)%of%set(i, k, number)
+            if (.not. is_trial) self%kinds(type_of - of_kind)%of%numbers(k, i) = number
         end if
     end subroutine set_number
 
     module procedure pack_state
         integer :: i, k
 
-        ! In reverse order, the one of existing checkpoints.
-        do k = size(self%kinds), 1, -1
+        do k = 1, size(self%kinds)
             call self%kinds(k)%of%pack_state(pack)
         end do
         do i = 1, size(self%at%coordinates)

@@ -4,7 +4,7 @@
 module tandem_mechanism_element_kind
     use tandem_kinds, only: wp
     use tandem_mechanism_context, only: context_type
-    use tandem_mechanism_coordinate, only: coordinate_type
+    use tandem_mechanism_coordinate, only: coordinate_type, number_slide
     use tandem_mechanism_key_reader, only: reader_type
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_sensor, only: sensor_type
@@ -33,23 +33,27 @@ module tandem_mechanism_element_kind
         logical :: is_line = .false.
         !> True if it acts along a displacement; true if its force depends on multipliers.
         logical :: slides = .false., needs_multipliers = .false.
+        !> Largest stiffness along a displacement (N/m) and about an axis (N m/rad).
+        real(wp) :: stiffness(2) = 0.0_wp
     end type attachment_type
 
     !> All elements of a kind.
     type, abstract :: element_kind_type
         !> Number of elements.
         integer :: n = 0
-        !> True if an element depends on the full turns of an angle in space.
-        logical :: counts_turns = .false.
+        !> Numbers that events may set, in the order of `list_settings` (3, n). Not allocated if the kind has none.
+        real(wp), allocatable :: numbers(:, :)
+        !> Joint coordinates of all elements, and their number. Their full turns are counted.
+        integer :: n_coordinates = 0
+        type(coordinate_type), allocatable :: coordinates(:)
     contains
         procedure(label_interface), deferred, nopass :: label
         procedure(read_interface), deferred, nopass :: read
-        procedure :: fit => keep_room, renumber => keep_numbers, attachment => no_attachment, touch => touch_both
-        procedure :: add_forces => add_nothing, add_rates => add_nothing, add_energy => add_no_energy
-        procedure :: differentiate => differentiate_nothing, stiffest => no_stiffness
-        procedure :: list_quantities => no_quantities, measure => measure_nothing
         procedure, nopass :: list_settings => no_settings
-        procedure :: set => set_nothing, visit_coordinates => visit_nothing, pack_state => pack_nothing
+        procedure :: attachment => no_attachment, touch => touch_both, renumber => keep_numbers
+        procedure :: add_forces => add_nothing, add_energy => add_no_energy, differentiate => differentiate_nothing
+        procedure :: list_quantities => no_quantities, measure => measure_nothing
+        procedure, non_overridable :: add, fit, number_slides, visit_coordinates, pack_state
     end type element_kind_type
 
     !> Element of the list of kinds.
@@ -89,16 +93,76 @@ module tandem_mechanism_element_kind
 
 contains
 
-    !> Trim the list to its used length.
-    pure subroutine keep_room(self)
+    !> Count a new element, and store its numbers and its joint coordinates.
+    pure subroutine add(self, numbers, coordinates)
         class(element_kind_type), intent(inout) :: self
-    end subroutine keep_room
+        real(wp), intent(in), optional :: numbers(3)
+        type(coordinate_type), intent(in), optional :: coordinates(:)
+        integer :: n
 
-    !> Replace preliminary numbers: sliding part -i becomes the pose behind all bodies, and row -i at velocity level the row behind
-    !> all holonomic ones.
-    pure subroutine keep_numbers(self, n_bodies, n_holonomic)
+        self%n = self%n + 1
+        if (present(numbers)) then
+            if (.not. allocated(self%numbers)) allocate (self%numbers(3, 1))
+            n = size(self%numbers, 2)
+            if (self%n > n) self%numbers = reshape(self%numbers, [3, 2*n], pad=[0.0_wp])
+            self%numbers(:, self%n) = numbers
+        end if
+        if (present(coordinates)) then
+            if (.not. allocated(self%coordinates)) self%coordinates = coordinates
+            n = self%n_coordinates + size(coordinates)
+            if (n > size(self%coordinates)) self%coordinates = [self%coordinates, self%coordinates, coordinates]
+            self%coordinates(self%n_coordinates + 1:n) = coordinates
+            self%n_coordinates = n
+        end if
+    end subroutine add
+
+    !> Trim the numbers and the coordinates to their used lengths.
+    pure subroutine fit(self)
         class(element_kind_type), intent(inout) :: self
-        integer, intent(in) :: n_bodies, n_holonomic
+
+        if (allocated(self%numbers)) self%numbers = self%numbers(:, :self%n)
+        if (allocated(self%coordinates)) self%coordinates = self%coordinates(:self%n_coordinates)
+    end subroutine fit
+
+    !> Move sliding part -i of each coordinate behind all bodies.
+    pure subroutine number_slides(self, n_bodies)
+        class(element_kind_type), intent(inout) :: self
+        integer, intent(in) :: n_bodies
+        integer :: i
+
+        do i = 1, self%n_coordinates
+            call number_slide(self%coordinates(i), n_bodies)
+        end do
+    end subroutine number_slides
+
+    !> Call `visit` for all coordinates.
+    pure subroutine visit_coordinates(self, visit, context)
+        class(element_kind_type), intent(inout) :: self
+        procedure(visit_interface) :: visit
+        type(context_type), intent(in) :: context
+        integer :: i
+
+        do i = 1, self%n_coordinates
+            call visit(self%coordinates(i), context%pose, context%f)
+        end do
+    end subroutine visit_coordinates
+
+    !> Pack the numbers that events may set, and counted turns.
+    subroutine pack_state(self, pack)
+        class(element_kind_type), intent(inout) :: self
+        type(pack_type), intent(inout) :: pack
+        integer :: i
+
+        call pack%item(self%numbers)
+        do i = 1, self%n_coordinates
+            call pack%item(self%coordinates(i)%last)
+        end do
+    end subroutine pack_state
+
+    !> Replace preliminary numbers of rows: row -i at velocity level becomes the row behind all holonomic ones.
+    pure subroutine keep_numbers(self, n_holonomic)
+        class(element_kind_type), intent(inout) :: self
+        integer, intent(in) :: n_holonomic
     end subroutine keep_numbers
 
     !> Where an element is attached.
@@ -126,8 +190,8 @@ contains
         bodies(1:2) = attachment%body
     end subroutine touch_both
 
-    !> Add the forces of all elements at the poses and rates of the context, or (`add_rates`) their partial derivatives with respect
-    !> to time: there the context has the rates of functions and laws in place of their values. stat > 0 if a force is undefined.
+    !> Add the forces of all elements at the poses and rates of the context, or their partial derivatives with respect to time if
+    !> `only_rates` of the context is true. stat > 0 if a force is undefined.
     pure subroutine add_nothing(self, context, force, stat)
         class(element_kind_type), intent(inout) :: self
         type(context_type), intent(inout) :: context
@@ -151,15 +215,6 @@ contains
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
     end subroutine differentiate_nothing
-
-    !> Largest ratio of a stiffness and the inertia that it moves (1/s^2).
-    pure real(wp) function no_stiffness(self, mass, inertia) result(square)
-        class(element_kind_type), intent(in) :: self
-        !> Largest mass (kg) and moment of inertia (kg m^2) of a body.
-        real(wp), intent(in) :: mass, inertia
-
-        square = 0.0_wp
-    end function no_stiffness
 
     !> Append the quantities of a sensor of an element. The last one is the power of forces without a potential.
     subroutine no_quantities(self, sensor, list)
@@ -190,25 +245,4 @@ contains
 
         names = ''
     end subroutine no_settings
-
-    !> Set one of these numbers.
-    pure subroutine set_nothing(self, number, setting, value)
-        class(element_kind_type), intent(inout) :: self
-        !> Index of the element, and of the name in this list.
-        integer, intent(in) :: number, setting
-        real(wp), intent(in) :: value
-    end subroutine set_nothing
-
-    !> Call `visit` for the coordinates whose turns are counted.
-    pure subroutine visit_nothing(self, visit, context)
-        class(element_kind_type), intent(inout) :: self
-        procedure(visit_interface) :: visit
-        type(context_type), intent(in) :: context
-    end subroutine visit_nothing
-
-    !> Pack turns and the numbers that events may set.
-    subroutine pack_nothing(self, pack)
-        class(element_kind_type), intent(inout) :: self
-        type(pack_type), intent(inout) :: pack
-    end subroutine pack_nothing
 end module tandem_mechanism_element_kind

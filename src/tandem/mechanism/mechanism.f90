@@ -399,7 +399,7 @@ contains
         end if
         call list_quantities(self)
         self%counts_turns = .not. self%planar .and. (size(self%at%formulas) + size(self%couplings) > 0 .or. &
-            any([(self%kinds(i)%of%counts_turns, i=1, size(self%kinds))]) .or. any(self%sensors%kind == sensed_joint))
+            any([(self%kinds(i)%of%n_coordinates, i=1, size(self%kinds))] > 0) .or. any(self%sensors%kind == sensed_joint))
         call list_frictions(self)
         if (.not. self%keeps_poses) deallocate (self%at%pose)
         ! Elements along joint coordinates have copies of them; only expressions use the list.

@@ -190,6 +190,9 @@ contains
         do i = 1, size(self%at%coordinates)
             call number_slide(self%at%coordinates(i), size(self%bodies))
         end do
+        do k = 1, size(self%kinds)
+            call self%kinds(k)%of%number_slides(size(self%bodies))
+        end do
         do i = 1, size(self%couplings)
             call put_behind(self%couplings(i)%sum)
             do k = 1, self%couplings(i)%n
@@ -228,7 +231,7 @@ contains
         self%rollers%row = self%rollers%row + self%n_holonomic
         self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
         do k = 1, size(self%kinds)
-            call self%kinds(k)%of%renumber(size(self%bodies), self%n_holonomic)
+            call self%kinds(k)%of%renumber(self%n_holonomic)
         end do
     end procedure number_rows
 

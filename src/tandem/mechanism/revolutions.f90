@@ -69,7 +69,7 @@ contains
         integer :: k
 
         depends_on_revolutions = size(self%at%formulas) > 0 .or. &
-            any([(self%kinds(k)%of%counts_turns, k=1, size(self%kinds))]) .or. .not. all(self%couplings%drops_turns)
+            any([(self%kinds(k)%of%n_coordinates, k=1, size(self%kinds))] > 0) .or. .not. all(self%couplings%drops_turns)
     end function depends_on_revolutions
 
     !> Call `visit` for the coordinates of forces, expressions and rows.

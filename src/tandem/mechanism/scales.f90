@@ -179,14 +179,18 @@ contains
     pure real(wp) function rate_of_springs(self) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp) :: mass, inertia, square
-        integer :: k
+        integer :: i, k
 
         mass = maxval(self%bodies%mass)
         inertia = max(mass*self%size_of_bodies**2, tiny(1.0_wp))
         mass = max(mass, tiny(1.0_wp))
         square = 0.0_wp
         do k = 1, size(self%kinds)
-            square = max(square, self%kinds(k)%of%stiffest(mass, inertia))
+            do i = 1, self%kinds(k)%of%n
+                associate (it => self%kinds(k)%of%attachment(i))
+                    square = max(square, it%stiffness(1)/mass, it%stiffness(2)/inertia)
+                end associate
+            end do
         end do
         rate = sqrt(square)
     end function rate_of_springs
