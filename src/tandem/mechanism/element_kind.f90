@@ -10,11 +10,12 @@ module tandem_mechanism_element_kind
     use tandem_mechanism_sensor, only: sensor_type
     use tandem_model, only: model_type, quantity_type
     use tandem_model_derivatives, only: derivatives_type
+    use tandem_model_terms, only: terms_type
     use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
-    public :: element_kind_type, kind_item_type, attachment_type, visit_interface, word_length, most_measured
+    public :: element_kind_type, kind_item_type, attachment_type, constraint_type, visit_interface, word_length, most_measured
 
     !> Length of the word of a kind; largest number of values of a sensor of an element.
     integer, parameter :: word_length = 8, most_measured = 8
@@ -37,22 +38,40 @@ module tandem_mechanism_element_kind
         real(wp) :: stiffness(2) = 0.0_wp
     end type attachment_type
 
+    !> The row of an element.
+    type :: constraint_type
+        !> Row of Phi; index of the function of time that drives it, 0 if none; true if it constrains an angle.
+        integer :: row = 0, motion = 0
+        logical :: is_angle = .false.
+        !> True if events lock and free it; true if it is locked.
+        logical :: can_be_freed = .false., is_locked = .true.
+        !> Pose of the coordinate that the element has of its own, negative until it is numbered, 0 if none; index of this
+        !> coordinate in those of the mechanism, 0 if no element may name it.
+        integer :: slide = 0, displacement = 0
+        !> Value if all angles are 1 and all displacements are a given length.
+        real(wp) :: scale = 1.0_wp
+    end type constraint_type
+
     !> All elements of a kind.
     type, abstract :: element_kind_type
         !> Number of elements.
         integer :: n = 0
-        !> Numbers that events may set, in the order of `list_settings` (3, n). Not allocated if the kind has none.
+        !> Numbers that events change, by the names of `list_settings` or by `lock` (3, n). Not allocated if the kind has none.
         real(wp), allocatable :: numbers(:, :)
-        !> Joint coordinates of all elements, and their number. Their full turns are counted.
+        !> True if the elements have rows instead of forces.
+        logical :: has_rows = .false.
+        !> Joint coordinates of all elements, and their number; true if an element depends on their full turns.
         integer :: n_coordinates = 0
         type(coordinate_type), allocatable :: coordinates(:)
+        logical :: counts_turns = .false.
     contains
         procedure(label_interface), deferred, nopass :: label
         procedure(read_interface), deferred, nopass :: read
-        procedure, nopass :: list_settings => no_settings
+        procedure, nopass :: table => force_table, list_settings => no_settings
         procedure :: attachment => no_attachment, touch => touch_both, renumber => keep_numbers
         procedure :: add_forces => add_nothing, add_energy => add_no_energy, differentiate => differentiate_nothing
         procedure :: list_quantities => no_quantities, measure => measure_nothing
+        procedure :: constraint => no_constraint, start => start_nothing, add_rows => add_no_rows, lock => lock_nothing
         procedure, non_overridable :: add, fit, number_slides, visit_coordinates, pack_state
     end type element_kind_type
 
@@ -142,6 +161,7 @@ contains
         type(context_type), intent(in) :: context
         integer :: i
 
+        if (.not. self%counts_turns) return
         do i = 1, self%n_coordinates
             call visit(self%coordinates(i), context%pose, context%f)
         end do
@@ -164,6 +184,13 @@ contains
         class(element_kind_type), intent(inout) :: self
         integer, intent(in) :: n_holonomic
     end subroutine keep_numbers
+
+    !> Table of scenes that contains the elements.
+    pure function force_table() result(table)
+        character(len=10) :: table
+
+        table = 'force'
+    end function force_table
 
     !> Where an element is attached.
     pure function no_attachment(self, number) result(attachment)
@@ -206,7 +233,7 @@ contains
         real(wp), intent(inout) :: energy
     end subroutine add_no_energy
 
-    !> Add the requested gradient blocks of a range of elements.
+    !> Add the requested gradient blocks of the forces or rows of a range of elements.
     pure subroutine differentiate_nothing(self, first, last, need, context, lambda, derivatives)
         class(element_kind_type), intent(inout) :: self
         integer, intent(in) :: first, last, need
@@ -215,6 +242,41 @@ contains
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
     end subroutine differentiate_nothing
+
+    !> The row of an element.
+    pure function no_constraint(self, number, length) result(constraint)
+        class(element_kind_type), intent(in) :: self
+        integer, intent(in) :: number
+        !> Length that gives the scale of the row.
+        real(wp), intent(in) :: length
+        type(constraint_type) :: constraint
+
+        constraint = constraint_type()
+    end function no_constraint
+
+    !> Set the values and rates of coordinates that elements have of their own, in poses of the reference configuration.
+    subroutine start_nothing(self, pose)
+        class(element_kind_type), intent(in) :: self
+        type(pose_type), intent(inout) :: pose(0:)
+    end subroutine start_nothing
+
+    !> Set the requested terms of all rows, at the poses and rates of the context. Rows of C are zero on entry unless they are
+    !> compressed.
+    pure subroutine add_no_rows(self, need, context, terms, stat)
+        class(element_kind_type), intent(inout) :: self
+        integer, intent(in) :: need
+        type(context_type), intent(inout) :: context
+        type(terms_type), intent(inout) :: terms
+        integer, intent(inout) :: stat
+    end subroutine add_no_rows
+
+    !> Lock or free the row of an element that can be freed, at the poses of the context.
+    pure subroutine lock_nothing(self, number, locks, context)
+        class(element_kind_type), intent(inout) :: self
+        integer, intent(in) :: number
+        logical, intent(in) :: locks
+        type(context_type), intent(in) :: context
+    end subroutine lock_nothing
 
     !> Append the quantities of a sensor of an element. The last one is the power of forces without a potential.
     subroutine no_quantities(self, sensor, list)

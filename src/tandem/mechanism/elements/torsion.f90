@@ -94,6 +94,7 @@ contains
         if (.not. allocated(self%list)) allocate (self%list(1))
         if (self%n > size(self%list)) self%list = [self%list, self%list]
         self%list(self%n) = torsion
+        self%counts_turns = .true.
     end subroutine append
 
     !> Multiply the law of the last torsion by the normal force of a reaction.
@@ -180,7 +181,8 @@ contains
                 f = slopes_along(torsion%force, self%numbers(:, i), context, x(0), x(1))
                 if (torsion%friction > 0) then
                     call context%laws(torsion%friction)%law%evaluate(context%t, x(0), x(1), g)
-                    f = f + normal_force(torsion%reaction, lambda)*g
+                    g = normal_force(torsion%reaction, lambda)*g
+                    f = f + g
                 end if
                 call put_force(need, columns(context%pose(coordinate%first), context%pose(coordinate%second)), &
                     gradient(:, 0:1), second, -f, derivatives)
