@@ -2,9 +2,7 @@
 !> Queries of the analysis of small motions: rigid motions of a mechanism, partial time derivatives of its forces, and idle
 !> coordinates.
 submodule(tandem_mechanism) tandem_mechanism_analysed
-    use tandem_mechanism_coordinate, only: differentiate_coordinate
     use tandem_mechanism_law, only: law_item_type, law_rate_type
-    use tandem_mechanism_pair, only: n_local
     use tandem_mechanism_rigid_motions, only: list_rigid_motions
     implicit none (type, external)
 
@@ -52,22 +50,22 @@ contains
                 allocate (rate%law, source=laws(i)%law)
             end select
         end do
-        do i = 1, size(self%kinds)
-            call self%kinds(i)%of%add_rates(self%at, value, stat)
+        self%at%only_rates = .true.
+        do i = 1, size(self%force_kinds)
+            call self%kinds(self%force_kinds(i))%of%add_forces(self%at, value, stat)
         end do
+        self%at%only_rates = .false.
         call move_alloc(f, self%at%f)
         do i = 1, size(laws)
             call move_alloc(laws(i)%law, self%at%laws(i)%law)
         end do
     end subroutine add_rates
 
-    module procedure start_sums
+    module procedure start_slides
         type(pose_type), allocatable :: pose(:)
-        type(coordinate_type) :: coordinate
-        real(wp) :: x(0:2), gradient(n_local, 0:2), total(0:1)
-        integer :: i, k
+        integer :: i
 
-        if (.not. any(self%couplings%sum > 0)) return
+        if (self%n_of%slides == 0) return
         allocate (pose(0:ubound(self%at%pose, 1)), source=self%at%pose)
         do i = 1, size(self%bodies)
             if (self%planar .and. self%bodies(i)%turns) call set_angle(pose(i), self%bodies(i)%angle, &
@@ -75,27 +73,25 @@ contains
             call set_position(pose(i), q)
             call set_rates(pose(i), qd)
         end do
-        do i = 1, size(self%couplings)
-            if (self%couplings(i)%sum == 0) cycle
-            total = 0.0_wp
-            do k = 1, self%couplings(i)%n - 1
-                coordinate = self%couplings(i)%coordinates(k)
-                call differentiate_coordinate(coordinate, pose, 1, 0, x, gradient)
-                total = total + self%couplings(i)%factors(k)*x(0:1)
-            end do
-            ! A sum may be a part of another one.
-            pose(self%couplings(i)%sum)%r(1, 0:1) = total
-            q(self%first(self%couplings(i)%sum)) = total(0)
-            qd(self%first(self%couplings(i)%sum)) = total(1)
+        call set_displacements(pose(size(self%bodies) + 1:), 0, q)
+        call set_displacements(pose(size(self%bodies) + 1:), 1, qd)
+        do i = 1, size(self%row_kinds)
+            call self%kinds(self%row_kinds(i))%of%start(pose)
         end do
-    end procedure start_sums
+        do i = size(self%bodies) + 1, ubound(pose, 1)
+            q(self%first(i)) = pose(i)%r(1, 0)
+            qd(self%first(i)) = pose(i)%r(1, 1)
+        end do
+    end procedure start_slides
 
     module procedure is_idle
+        type(constraint_type), allocatable :: rows(:)
         integer :: i
 
         is_idle = .false.
-        do i = 1, size(self%couplings)
-            if (self%couplings(i)%can_be_freed .and. self%couplings(i)%is_locked) is_idle(self%couplings(i)%slack) = .true.
+        allocate (rows, source=rows_of_kinds(self, 1.0_wp))
+        do i = 1, size(rows)
+            if (rows(i)%can_be_freed .and. rows(i)%is_locked) is_idle(self%first(rows(i)%slide)) = .true.
         end do
     end procedure is_idle
 end submodule tandem_mechanism_analysed

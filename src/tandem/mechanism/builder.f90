@@ -9,7 +9,6 @@ module tandem_mechanism_builder
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type, point_type
     use tandem_mechanism_coordinate, only: coordinate_type
-    use tandem_mechanism_coupling, only: coupling_type
     use tandem_mechanism_perpendicular, only: perpendicular_type
     use tandem_mechanism_definition, only: angle_type, definition_type, motion_type
     use tandem_mechanism_expression, only: expression_type
@@ -106,6 +105,20 @@ module tandem_mechanism_builder
             !> couplings may name by `name`.
             real(wp), intent(in), optional :: inertia
         end subroutine add_coupling
+
+        !> Add the row of a sum of coordinates, as a coupling without a name: sum of factor_i x_i = f(t).
+        module subroutine add_sum(self, name, unit, coordinates, factors, motion, drops_turns)
+            implicit none (type, external)
+            class(builder_type), intent(inout) :: self
+            !> Name of the row, and unit of its multiplier.
+            character(len=*), intent(in) :: name, unit
+            type(coordinate_type), intent(in) :: coordinates(:)
+            real(wp), intent(in) :: factors(:)
+            !> Index of f, 0 if none.
+            integer, intent(in) :: motion
+            !> True if full turns do not count.
+            logical, intent(in) :: drops_turns
+        end subroutine add_sum
 
         !> Add a row at velocity level by expressions: sum of c_i v_i = e, where c_i and e are expressions of t and of positions,
         !> angles and Euler parameters.

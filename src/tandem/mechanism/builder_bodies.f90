@@ -3,7 +3,7 @@
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_bodies
     use tandem_error, only: to_text
     use tandem_mechanism_refusal, only: refuse, take_vector
-    use tandem_mechanism_sensor, only: of_distance, of_knife_edge, of_joint, of_massless_wheel, of_row, of_wheel
+    use tandem_mechanism_sensor, only: of_distance, of_knife_edge, of_joint, of_kind, of_massless_wheel, of_row, of_wheel
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)
 
@@ -213,7 +213,7 @@ contains
         case (of_row, of_distance)
             kind = 'a constraint'
         case default
-            kind = 'a force'
+            kind = 'a '//self%kinds(type_of - of_kind)%of%table()
         end select
     end function kind_of
 

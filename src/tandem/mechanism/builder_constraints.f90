@@ -1,66 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Builder procedures for constraints other than joints: couplings, rows at velocity level, distances.
+!> Builder procedures for constraints other than joints: rows at velocity level, distances.
 submodule(tandem_mechanism_builder:tandem_mechanism_builder_joints) tandem_mechanism_builder_constraints
     implicit none (type, external)
 
 contains
-
-    module procedure add_coupling
-        character(len=:), allocatable :: label
-        integer :: i, numbers(max_coupled), motion_number
-
-        label = 'coupling '//trim(name)
-        call self%check_name(name, label, error)
-        if (allocated(error)) return
-        if (size(joints) < 1 .or. size(joints) > max_coupled - 1 .or. size(factors) /= size(joints)) then
-            call refuse(label//' has '//to_text(size(joints))//' joints and '//to_text(size(factors))//' factors', &
-                'give 1 to '//to_text(max_coupled - 1)//' of each', error)
-            return
-        else if (.not. all(abs(factors) > 0.0_wp .and. ieee_is_finite(factors))) then
-            call refuse(label//' has a factor that is zero or not finite', 'correct it, or remove the joint', error)
-            return
-        end if
-        do i = 1, size(joints)
-            call self%find_coordinate(label, joints(i), numbers(i), error)
-            if (allocated(error)) return
-        end do
-        if (present(inertia)) then
-            if (present(motion) .or. present(locked) .or. .not. (inertia >= 0.0_wp .and. ieee_is_finite(inertia))) then
-                call refuse(label//' has an inertia that is negative, or with motion or locked', &
-                    'give an inertia >= 0 in kg m^2 or kg, and neither motion nor locked', error)
-                return
-            end if
-        end if
-        motion_number = 0
-        if (present(motion)) call self%take_motion(name, motion, 1, motion_number)
-        call couple(self, name, numbers(:size(joints)), factors, &
-            merge('N  ', 'N m', self%at%coordinates(numbers(1))%kind == is_displacement), motion_number)
-        if (present(locked)) then
-            associate (coupling => self%couplings(self%n_of%couplings))
-                coupling%can_be_freed = .true.
-                coupling%is_locked = locked
-            end associate
-        end if
-        if (present(inertia)) call free_sum(self, self%couplings(self%n_of%couplings), inertia)
-        call self%keep_name(name, of_row, self%n_of%couplings)
-    end procedure add_coupling
-
-    !> Make the sum of a coupling a coordinate with an inertia.
-    subroutine free_sum(self, coupling, inertia)
-        class(builder_type), intent(inout) :: self
-        type(coupling_type), intent(inout) :: coupling
-        real(wp), intent(in) :: inertia
-
-        ! `define` numbers the poses of such coordinates, which follow those of all bodies.
-        self%n_of%slides = self%n_of%slides + 1
-        coupling%sum = -self%n_of%slides
-        coupling%inertia = inertia
-        call keep_coordinate(self, slide_coordinate(coupling%sum))
-        coupling%displacement = self%n_of%coordinates
-        coupling%n = coupling%n + 1
-        coupling%coordinates(coupling%n) = slide_coordinate(coupling%sum)
-        coupling%factors(coupling%n) = -1.0_wp
-    end subroutine free_sum
 
     module procedure add_rate_row
         type(rate_row_type) :: row
@@ -114,8 +57,7 @@ contains
         longer(:size(self%rate_rows)) = self%rate_rows
         longer(size(longer)) = row
         call move_alloc(longer, self%rate_rows)
-        ! Couplings have positive numbers.
-        call self%keep_name(name, of_row, -size(self%rate_rows))
+        call self%keep_name(name, of_row, size(self%rate_rows))
     end procedure add_rate_row
 
     module procedure add_distance

@@ -2,8 +2,7 @@
 !> Builder procedures for joints.
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_joints
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_angle, is_displacement, is_elevation, slide_coordinate
-    use tandem_mechanism_coupling, only: max_coupled
+    use tandem_mechanism_coordinate, only: is_angle, is_displacement, is_elevation
     use tandem_mechanism_formula, only: is_place, is_spin, is_time, is_turn, is_turn_rate, is_velocity
     use tandem_mechanism_joint, only: find_kind, kind_names, kind_type
     use tandem_mechanism_refusal, only: refuse, take_vector
@@ -57,8 +56,8 @@ contains
         self%joints(self%n_of%joints) = joint%joint_type
         call self%keep_name(name, of_joint, self%n_of%joints)
         ! A separate row for the displacement and the angle of the screw.
-        if (present(pitch)) call couple(self, trim(name)//' pitch', [joint%displacement, joint%rotation], &
-            [1.0_wp, -pitch/(2*acos(-1.0_wp))], 'N')
+        if (present(pitch)) call add_sum(self, trim(name)//' pitch', 'N', &
+            self%at%coordinates([joint%displacement, joint%rotation]), [1.0_wp, -pitch/(2*acos(-1.0_wp))], 0, .false.)
     end procedure add_joint
 
     !> Set the freedoms that a primitive constrains.
@@ -206,8 +205,7 @@ contains
             integer, intent(in) :: k
             type(coordinate_type), intent(in) :: coordinate
 
-            call keep_coordinate(self, coordinate)
-            joint%angles(k) = self%n_of%coordinates
+            call self%keep_coordinate(coordinate, joint%angles(k))
         end subroutine keep
     end subroutine add_angles
 
@@ -228,16 +226,14 @@ contains
                 coordinate = angle_in_space(joint, 1, 2)
                 if (self%planar) coordinate%offset = self%angle_of(joint%second) - self%angle_of(joint%first)
                 if (joint%driven == merge(3, 6, self%planar)) coordinate%motion = joint%motion
-                call keep_coordinate(self, coordinate)
-                joint%rotation = self%n_of%coordinates
+                call self%keep_coordinate(coordinate, joint%rotation)
             end if
             if (.not. held(axis) .and. count(.not. held(:merge(2, 3, self%planar))) == 1) then
                 coordinate = coordinate_type(kind=is_displacement, first=joint%first, second=joint%second)
                 coordinate%one = perpendicular_type(first=joint%first, second=joint%second, is_point=.true., a=joint%axes1(:, &
                     axis), b=joint%s2)
                 coordinate%offset = reference_displacement(self, joint, axis)
-                call keep_coordinate(self, coordinate)
-                joint%displacement = self%n_of%coordinates
+                call self%keep_coordinate(coordinate, joint%displacement)
             end if
         end associate
 
@@ -263,17 +259,6 @@ contains
         call self%frame_of(joint%second, r2, a2)
         reference_displacement = dot_product(matmul(a1, joint%axes1(:, axis)), r2 + matmul(a2, joint%s2) - r1)
     end function reference_displacement
-
-    !> Append a coordinate.
-    subroutine keep_coordinate(self, coordinate)
-        class(builder_type), intent(inout) :: self
-        type(coordinate_type), intent(in) :: coordinate
-
-        self%n_of%coordinates = self%n_of%coordinates + 1
-        if (self%n_of%coordinates > size(self%at%coordinates)) self%at%coordinates = [self%at%coordinates, self%at%coordinates, &
-            coordinate]
-        self%at%coordinates(self%n_of%coordinates) = coordinate
-    end subroutine keep_coordinate
 
     !> Append a perpendicularity row.
     subroutine keep_perpendicular(self, perpendicular)
@@ -419,8 +404,7 @@ contains
                     call add_direction(m, k, l)
                 end if
                 if (driven == k + 3) then
-                    call self%held%add(trim(joint%name)//' motion', 'N m')
-                    call keep_coupling(self, driven_angle(joint, l, m, self%held%n, number))
+                    call add_sum(self, trim(joint%name)//' motion', 'N m', [angle_in_space(joint, l, m)], [1.0_wp], number, .true.)
                 else if (count(turn) /= 2 .and. turn(k)) then
                     call add_direction(l, m, k)
                 end if
@@ -475,52 +459,6 @@ contains
             self%velocity_joints(self%n_of%velocity_joints) = velocity_joint
         end do
     end subroutine add_velocity_joints
-
-    !> Add the row of a coupling.
-    subroutine couple(self, name, numbers, factors, unit, motion)
-        class(builder_type), intent(inout) :: self
-        character(len=*), intent(in) :: name, unit
-        !> Indices of the coordinates.
-        integer, intent(in) :: numbers(:)
-        real(wp), intent(in) :: factors(:)
-        integer, intent(in), optional :: motion
-        type(coupling_type) :: coupling
-
-        coupling%n = size(numbers)
-        coupling%coordinates(:coupling%n) = self%at%coordinates(numbers)
-        coupling%factors(:coupling%n) = factors
-        if (present(motion)) coupling%motion = motion
-        call self%held%add(name, unit)
-        coupling%row = self%held%n
-        call keep_coupling(self, coupling)
-    end subroutine couple
-
-    !> Append a coupling.
-    subroutine keep_coupling(self, coupling)
-        class(builder_type), intent(inout) :: self
-        type(coupling_type), intent(in) :: coupling
-
-        self%n_of%couplings = self%n_of%couplings + 1
-        if (self%n_of%couplings > size(self%couplings)) self%couplings = [self%couplings, self%couplings, coupling]
-        self%couplings(self%n_of%couplings) = coupling
-    end subroutine keep_coupling
-
-    !> Row of an imposed angle in space.
-    pure function driven_angle(joint, l, m, row, motion) result(coupling)
-        type(placed_joint_type), intent(in) :: joint
-        !> As in `angle_in_space`.
-        integer, intent(in) :: l, m
-        !> Row, and index of the function.
-        integer, intent(in) :: row, motion
-        type(coupling_type) :: coupling
-
-        coupling%row = row
-        coupling%n = 1
-        coupling%coordinates(1) = angle_in_space(joint, l, m)
-        coupling%factors(1) = 1.0_wp
-        coupling%motion = motion
-        coupling%drops_turns = .true.
-    end function driven_angle
 
     !> Angle in space from axis l of the first body to axis l of the second, positive towards axis m of the first.
     pure function angle_in_space(joint, l, m) result(angle)

@@ -2,7 +2,6 @@
 !> Builder procedure for massless wheels.
 submodule(tandem_mechanism_builder) tandem_mechanism_builder_massless_wheel
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: slide_coordinate
     use tandem_mechanism_massless_wheel, only: find_contact_point
     use tandem_mechanism_pose, only: pose_type
     use tandem_mechanism_refusal, only: refuse
@@ -16,7 +15,6 @@ contains
     module procedure add_massless_wheel
         type(massless_wheel_type) :: wheel
         type(plane_type) :: ground
-        type(coordinate_type) :: strut
         real(wp), parameter :: small = 1.0e-6_wp
         real(wp) :: r(3), a(3, 3), pivot(3)
         character(len=:), allocatable :: label
@@ -72,15 +70,7 @@ contains
         call self%rolling%add(trim(name)//' slip', 'N')
         wheel%row = self%rolling%n
         if (present(along)) then
-            ! `define` numbers the poses of sliding parts, which follow those of all bodies.
-            self%n_of%slides = self%n_of%slides + 1
-            wheel%slide = -self%n_of%slides
-            strut = slide_coordinate(wheel%slide)
-            self%n_of%coordinates = self%n_of%coordinates + 1
-            if (self%n_of%coordinates > size(self%at%coordinates)) self%at%coordinates = [self%at%coordinates, &
-                self%at%coordinates, strut]
-            self%at%coordinates(self%n_of%coordinates) = strut
-            wheel%displacement = self%n_of%coordinates
+            call self%take_slide(name, 'm', 0.0_wp, wheel%slide, wheel%displacement)
         end if
         self%n_of%massless_wheels = self%n_of%massless_wheels + 1
         if (self%n_of%massless_wheels > size(self%massless_wheels)) then

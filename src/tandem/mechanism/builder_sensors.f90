@@ -125,8 +125,8 @@ contains
     end procedure add_body_sensor
 
     module procedure add_reaction_sensor
-        integer, parameter :: types(6) = [of_joint, of_wheel, of_knife_edge, of_massless_wheel, of_distance, of_row]
         type(sensor_type) :: sensor
+        integer, allocatable :: types(:)
         integer :: k
 
         sensor%kind = sensed_reaction
@@ -135,6 +135,7 @@ contains
         if (allocated(error)) return
         k = self%index_of%names%get(element)
         if (k > 0) sensor%of = self%types(k)
+        types = [of_joint, of_wheel, of_knife_edge, of_massless_wheel, types_of(self, 'constraints')]
         if (.not. any(sensor%of == types)) then
             call refuse('sensor '//trim(name)//': '//trim(element)//' is not a joint, wheel or constraint'// &
                 question(trim(element), names_of(self, types)), 'correct the name', error)
@@ -161,11 +162,16 @@ contains
                 ! Rows of several bodies have no single pair of bodies.
                 vector = point_vector_type()
             end select
-            if (sensor%of /= of_row) sensor%between = [name_of(self, vector%first), name_of(self, vector%second)]
+            if (sensor%of /= of_row .and. sensor%of <= of_kind) sensor%between = [name_of(self, vector%first), &
+                name_of(self, vector%second)]
         end associate
-        if (sensor%of == of_row .and. sensor%number > 0) sensor%can_be_freed = self%couplings(sensor%number)%can_be_freed
+        if (sensor%of > of_kind) then
+            associate (it => self%kinds(sensor%of - of_kind)%of%constraint(sensor%number, 1.0_wp))
+                sensor%can_be_freed = it%can_be_freed
+            end associate
+        end if
         sensor%is_driven = self%index_of%motions%get(element) > 0
-        if (sensor%of == of_row .and. sensor%number < 0) sensor%is_driven = self%rate_rows(-sensor%number)%rhs > 0
+        if (sensor%of == of_row) sensor%is_driven = self%rate_rows(sensor%number)%rhs > 0
         call keep_sensor(self, sensor)
     end procedure add_reaction_sensor
 
@@ -265,7 +271,11 @@ contains
             case (0)
                 call self%add_body_sensor(list(i), list(i), error, kind)
             case (of_kind + 1:)
-                call self%add_force_sensor(list(i), list(i), error, kind)
+                if (kind == 'forces') then
+                    call self%add_force_sensor(list(i), list(i), error, kind)
+                else
+                    call self%add_reaction_sensor(list(i), list(i), error, kind)
+                end if
             case (of_joint)
                 associate (its => self%joints(self%numbers(k)))
                     if (max(its%rotation, its%displacement) > 0) call self%add_joint_sensor(list(i), list(i), error, group=kind)
@@ -288,7 +298,6 @@ contains
         class(builder_type), intent(in) :: self
         character(len=*), intent(in) :: kind
         integer, allocatable :: types(:)
-        integer :: k
 
         select case (kind)
         case ('bodies')
@@ -298,32 +307,38 @@ contains
         case ('wheels')
             types = [of_wheel, of_knife_edge, of_massless_wheel]
         case ('constraints')
-            types = [of_distance, of_row]
+            types = [of_distance, of_row, kinds_in('constraint')]
         case ('forces')
-            types = [(of_kind + k, k=1, size(self%kinds))]
+            types = kinds_in('force')
         case default
             allocate (types(0))
         end select
+
+    contains
+
+        !> Types of the kinds whose elements a table of scenes contains.
+        pure function kinds_in(table) result(list)
+            character(len=*), intent(in) :: table
+            integer, allocatable :: list(:)
+            integer :: k
+
+            list = [integer ::]
+            do k = 1, size(self%kinds)
+                if (self%kinds(k)%of%table() == table) list = [list, of_kind + k]
+            end do
+        end function kinds_in
     end function types_of
 
     !> Name of a body.
     pure function name_of(self, body) result(name)
         class(builder_type), intent(in) :: self
-        !> 0 for the ground, negative for the sliding part of a massless wheel, which has the name of the wheel.
+        !> 0 for the ground, negative for a coordinate of an element, which has the name of the element.
         integer, intent(in) :: body
         character(len=label_length) :: name
-        integer :: i
 
         name = 'ground'
         if (body > 0) name = self%bodies(body)%name
-        if (body >= 0) return
-        do i = 1, self%index_of%names%n
-            if (self%types(i) == of_massless_wheel) then
-                if (self%massless_wheels(self%numbers(i))%slide == body) name = self%index_of%names%name(i)
-            else if (self%types(i) == of_row .and. self%numbers(i) > 0) then
-                if (self%couplings(self%numbers(i))%sum == body) name = self%index_of%names%name(i)
-            end if
-        end do
+        if (body < 0) name = self%slides(-body)%name
     end function name_of
 
     !> Names of all elements of given types.

@@ -2,7 +2,6 @@
 !> Changes by events: `lock NAME` and `free NAME` of a coupling that can be freed, and `force.NAME.KEY = NUMBER` of an element with
 !> such a number, where the number may be an expression of constants.
 submodule(tandem_mechanism) tandem_mechanism_changing
-    use tandem_mechanism_coupling, only: lock_coupling
     use tandem_mechanism_expression, only: expression_type, parse_expression
     use tandem_mechanism_sensor, only: of_kind
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
@@ -33,23 +32,19 @@ contains
         logical, intent(in) :: locks, is_trial
         real(wp), intent(in) :: t, q(:)
         character(len=*), intent(out) :: problem
-        integer :: i, k, stat
+        integer :: i, type_of, stat
 
         problem = 'there is no coupling '//name//' that can be locked and freed: add the key locked to one'
-        k = 0
-        do i = 1, size(self%couplings)
-            if (self%row_name(self%couplings(i)%row) == name .and. self%couplings(i)%can_be_freed) k = i
-        end do
-        if (k == 0) return
-        problem = ''
-        if (is_trial) return
-        if (locks .and. .not. self%couplings(k)%is_locked) then
+        call self%find_element(name, type_of, i)
+        if (type_of <= of_kind) return
+        associate (kind => self%kinds(type_of - of_kind)%of, it => self%kinds(type_of - of_kind)%of%constraint(i, 1.0_wp))
+            if (.not. it%can_be_freed) return
+            problem = ''
+            if (is_trial .or. (locks .eqv. it%is_locked)) return
             ! Set only the poses and the functions of time; evaluate no term.
-            call self%evaluate(0, t, q, q, self%at_row, stat)
-            call lock_coupling(self%couplings(k), self%at%pose, self%at%f)
-        else if (.not. locks) then
-            self%couplings(k)%is_locked = .false.
-        end if
+            if (locks) call self%evaluate(0, t, q, q, self%at_row, stat)
+            call kind%lock(i, locks, self%at)
+        end associate
     end subroutine switch
 
     !> Set a number of an element.
@@ -91,28 +86,18 @@ contains
                 trim(names(2))//' or '//trim(names(3))
         else
             problem = ''
-            if (.not. is_trial) call self%kinds(type_of - of_kind)%of%set(i, k, number)
+            if (.not. is_trial) self%kinds(type_of - of_kind)%of%numbers(k, i) = number
         end if
     end subroutine set_number
 
     module procedure pack_state
         integer :: i, k
 
-        ! In reverse order, the one of existing checkpoints.
-        do k = size(self%kinds), 1, -1
+        do k = 1, size(self%kinds)
             call self%kinds(k)%of%pack_state(pack)
         end do
         do i = 1, size(self%at%coordinates)
             call pack%item(self%at%coordinates(i)%last)
-        end do
-        do i = 1, size(self%couplings)
-            if (self%couplings(i)%drops_turns) cycle
-            do k = 1, self%couplings(i)%n
-                call pack%item(self%couplings(i)%coordinates(k)%last)
-            end do
-            if (.not. self%couplings(i)%can_be_freed) cycle
-            call pack%item(self%couplings(i)%is_locked)
-            call pack%item(self%couplings(i)%at)
         end do
         do i = 1, size(self%sensors)
             call pack_sensor(self%sensors(i), pack)

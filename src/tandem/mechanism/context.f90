@@ -15,6 +15,9 @@ module tandem_mechanism_context
     type :: context_type
         !> Time (s).
         real(wp) :: t = 0.0_wp
+        !> True while forces are replaced by their partial derivatives with respect to time: functions and laws then have their
+        !> rates in place of their values, and all other parts of forces are omitted.
+        logical :: only_rates = .false.
         !> Poses: 0 is the ground, then bodies, then sliding parts that are not bodies, whose positions have one coordinate.
         type(pose_type), allocatable :: pose(:)
         !> Values and derivatives of the functions of time (0:2, functions).

@@ -19,9 +19,11 @@ contains
         else if (type_of == of_massless_wheel) then
             turn = 0
             way = self%massless_wheels(k)%displacement
-        else if (type_of == of_row .and. k > 0) then
+        else if (has_rows()) then
             turn = 0
-            way = self%couplings(k)%displacement
+            associate (it => self%kinds(type_of - of_kind)%of%constraint(k, 1.0_wp))
+                way = it%displacement
+            end associate
         else
             call refuse(label//': there is no joint '//text(:dot - 1), 'define the joint first', error)
             return
@@ -49,21 +51,28 @@ contains
             end do
         end if
         if (known == '') then
-            call refuse(label//': '//trim(sort_of(type_of))//' '//text(:dot - 1)// &
+            call refuse(label//': '//trim(sort())//' '//text(:dot - 1)// &
                 ' has no coordinate', 'name a joint that rotates or slides, and its .angle or .displacement', error)
         else
-            call refuse(trim(label//': '//trim(sort_of(type_of))//' '//text(:dot - 1)//' has no coordinate '//text(dot + 1:)), &
+            call refuse(trim(label//': '//trim(sort())//' '//text(:dot - 1)//' has no coordinate '//text(dot + 1:)), &
                 'name'//known(4:), error)
         end if
+
+    contains
+
+        !> True for an element of a kind with rows.
+        pure logical function has_rows()
+            has_rows = type_of > of_kind
+            if (has_rows) has_rows = self%kinds(type_of - of_kind)%of%has_rows
+        end function has_rows
+
+        !> Sort of an element that may have a coordinate.
+        pure function sort()
+            character(len=12) :: sort
+
+            sort = 'the joint'
+            if (type_of == of_massless_wheel) sort = 'the wheel'
+            if (type_of > of_kind) sort = 'the '//self%kinds(type_of - of_kind)%of%label()
+        end function sort
     end procedure find_coordinate
-
-    !> Sort of an element that may have a coordinate.
-    pure function sort_of(type_of) result(sort)
-        integer, intent(in) :: type_of
-        character(len=12) :: sort
-
-        sort = 'the coupling'
-        if (type_of == of_joint) sort = 'the joint'
-        if (type_of == of_massless_wheel) sort = 'the wheel'
-    end function sort_of
 end submodule tandem_mechanism_coordinate_names

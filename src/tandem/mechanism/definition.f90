@@ -6,8 +6,7 @@ module tandem_mechanism_definition
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: body_type, point_type
     use tandem_mechanism_context, only: context_type
-    use tandem_mechanism_coordinate, only: coordinate_type
-    use tandem_mechanism_coupling, only: coupling_type
+    use tandem_mechanism_coordinate, only: coordinate_type, slide_coordinate
     use tandem_mechanism_perpendicular, only: perpendicular_type
     use tandem_mechanism_element_kind, only: kind_item_type, word_length
     use tandem_mechanism_expression, only: expression_type
@@ -23,7 +22,7 @@ module tandem_mechanism_definition
     use tandem_mechanism_refusal, only: refuse, take_vector
     use tandem_mechanism_rolling, only: knife_edge_type, roller_type
     use tandem_mechanism_row_list, only: row_list_type
-    use tandem_mechanism_sensor, only: of_joint, of_massless_wheel, of_row, sensor_type
+    use tandem_mechanism_sensor, only: of_joint, of_kind, of_massless_wheel, sensor_type
     use tandem_mechanism_point_vector, only: point_vector_type
     use tandem_model, only: model_type, quantity_type
     use tandem_name_index, only: name_index_type
@@ -31,7 +30,7 @@ module tandem_mechanism_definition
     implicit none (type, external)
     private
 
-    public :: definition_type, motion_type, angle_type
+    public :: definition_type, motion_type, angle_type, slide_type
 
     !> A function of time, and its derivative whose jump makes qd jump: 1 for a row at position level, 0 for the coefficients of a
     !> row at velocity level, -1 for a force. A lower derivative must not jump.
@@ -49,10 +48,21 @@ module tandem_mechanism_definition
         integer :: motion = 0
     end type angle_type
 
+    !> A coordinate that an element has of its own, behind those of the bodies: the displacement of a massless wheel, or the sum or
+    !> the slack of a coupling.
+    type :: slide_type
+        !> Name of the element; unit; true if no element may name the coordinate.
+        character(len=name_length) :: name = ''
+        character(len=3) :: unit = ''
+        logical :: is_slack = .false.
+        !> Inertia (kg or kg m^2).
+        real(wp) :: inertia = 0.0_wp
+    end type slide_type
+
     !> Number of elements of each type.
     type :: numbers_type
         integer :: bodies = 0, points = 0, joints = 0, motions = 0, perpendiculars = 0, coincidences = 0, distances = 0, &
-            angles = 0, laws = 0, formulas = 0, coordinates = 0, couplings = 0, velocity_joints = 0, knife_edges = 0, &
+            angles = 0, laws = 0, formulas = 0, coordinates = 0, velocity_joints = 0, knife_edges = 0, &
             rollers = 0, massless_wheels = 0, slides = 0, sensors = 0
     end type numbers_type
 
@@ -80,11 +90,11 @@ module tandem_mechanism_definition
         type(perpendicular_type), allocatable :: perpendiculars(:)
         type(point_vector_type), allocatable :: coincidences(:), distances(:)
         type(angle_type), allocatable :: angles(:)
-        !> Kinds of elements that exert forces, each with its elements.
+        !> Kinds of elements, each with its elements.
         type(kind_item_type), allocatable :: kinds(:)
         !> Point of the last evaluation, and objects that elements share: laws, expressions of the state, coordinates of joints.
         type(context_type) :: at
-        type(coupling_type), allocatable :: couplings(:)
+        type(slide_type), allocatable :: slides(:)
         type(velocity_joint_type), allocatable :: velocity_joints(:)
         type(rate_row_type), allocatable :: rate_rows(:)
         type(knife_edge_type), allocatable :: knife_edges(:)
@@ -101,9 +111,9 @@ module tandem_mechanism_definition
         real(wp), allocatable :: searched(:), ahead(:)
         logical, allocatable :: jumps_ahead(:)
     contains
-        procedure :: clear, fit, find_body, find_element, kind_number, n_elements, list_words
-        procedure :: keep_name, variable_names, list_variables
-        procedure :: take_motion, take_law, take_formula, take_direction
+        procedure :: clear, fit, find_body, find_element, kind_number, list_words
+        procedure :: keep_name, keep_coordinate, variable_names, list_variables
+        procedure :: take_motion, take_law, take_formula, take_slide, take_direction
         procedure :: need_turning_body, find_coordinate, frame_of, angle_of, reference_length
         procedure :: begin_breakpoints, know_breakpoints, hold_pieces, pieces_hide
     end type definition_type
@@ -176,7 +186,7 @@ contains
         if (allocated(self%at%formulas)) deallocate (self%at%formulas)
         allocate (self%at%laws(0), self%at%formulas(0))
         self%at%coordinates = [coordinate_type ::]
-        self%couplings = [coupling_type ::]
+        self%slides = [slide_type ::]
         self%velocity_joints = [velocity_joint_type ::]
         if (allocated(self%rate_rows)) deallocate (self%rate_rows)
         allocate (self%rate_rows(0))
@@ -247,14 +257,6 @@ contains
             if (self%kinds(kind_number)%of%label() == label) exit
         end do
     end function kind_number
-
-    !> Number of elements of all kinds.
-    pure integer function n_elements(self)
-        class(definition_type), intent(in) :: self
-        integer :: k
-
-        n_elements = sum([(self%kinds(k)%of%n, k=1, size(self%kinds))])
-    end function n_elements
 
     !> List the words of kinds whose elements have sensors, or numbers that events may set, with articles: `a ..., a ... or a ...`.
     subroutine list_words(self, of_settings, last, text)
@@ -381,6 +383,40 @@ contains
         call move_alloc(others, self%at%formulas)
     end subroutine resize_formulas
 
+    !> Append a coordinate of an element, and return the preliminary number of its pose, which is negative: `define` numbers the
+    !> poses of these coordinates behind those of all bodies.
+    subroutine take_slide(self, name, unit, inertia, pose, displacement)
+        class(definition_type), intent(inout) :: self
+        !> Name of the element; unit; inertia (kg or kg m^2).
+        character(len=*), intent(in) :: name, unit
+        real(wp), intent(in) :: inertia
+        integer, intent(out) :: pose
+        !> Index of the coordinate for elements that name it.
+        integer, intent(out), optional :: displacement
+        type(slide_type) :: slide
+
+        slide = slide_type(name, unit, .not. present(displacement), inertia)
+        associate (n => self%n_of%slides)
+            n = n + 1
+            if (n > size(self%slides)) self%slides = [self%slides, self%slides, slide]
+            self%slides(n) = slide
+            pose = -n
+        end associate
+        if (present(displacement)) call self%keep_coordinate(slide_coordinate(pose), displacement)
+    end subroutine take_slide
+
+    !> Append a coordinate, and return its index.
+    pure subroutine keep_coordinate(self, coordinate, number)
+        class(definition_type), intent(inout) :: self
+        type(coordinate_type), intent(in) :: coordinate
+        integer, intent(out) :: number
+
+        number = self%n_of%coordinates + 1
+        if (number > size(self%at%coordinates)) self%at%coordinates = [self%at%coordinates, self%at%coordinates, coordinate]
+        self%at%coordinates(number) = coordinate
+        self%n_of%coordinates = number
+    end subroutine keep_coordinate
+
     !> Trim the lists to their used lengths.
     subroutine fit(self)
         class(definition_type), intent(inout) :: self
@@ -398,7 +434,7 @@ contains
             self%distances = self%distances(:n%distances)
             self%angles = self%angles(:n%angles)
             self%at%coordinates = self%at%coordinates(:n%coordinates)
-            self%couplings = self%couplings(:n%couplings)
+            self%slides = self%slides(:n%slides)
             self%velocity_joints = self%velocity_joints(:n%velocity_joints)
             self%knife_edges = self%knife_edges(:n%knife_edges)
             self%rollers = self%rollers(:n%rollers)

@@ -11,7 +11,11 @@ contains
         call differentiate_coincidences(self%coincidences, merge(2, 3, self%planar), need, self%at%pose, lambda, derivatives)
         call differentiate_perpendiculars(self%perpendiculars, need, self%at%pose, lambda, derivatives)
         call differentiate_distances(self%distances, need, self%at%pose, lambda, derivatives)
-        call differentiate_couplings(self%couplings, need, self%at%pose, lambda, derivatives)
+        do k = 1, size(self%row_kinds)
+            associate (kind => self%kinds(self%row_kinds(k))%of)
+                call kind%differentiate(1, kind%n, need, self%at, lambda, derivatives)
+            end associate
+        end do
         call differentiate_knife_edges(self%knife_edges, need, self%at%pose, self%at%f, lambda, derivatives)
         call differentiate_rollers(self%rollers, need, self%at%pose, self%at%f, lambda, derivatives)
         call differentiate_massless_wheels(self%massless_wheels, need, self%at%pose, self%at%f, lambda, derivatives)
@@ -37,9 +41,9 @@ contains
         do i = 1, size(self%turning)
             call differentiate_inertia(self%bodies(self%turning(i)), self%at%pose(self%turning(i)), need, derivatives)
         end do
-        do k = 1, size(self%kinds)
-            associate (n => self%kinds(k)%of%n)
-                if (n > 0) call self%kinds(k)%of%differentiate(1, n, need, self%at, lambda, derivatives)
+        do k = 1, size(self%force_kinds)
+            associate (kind => self%kinds(self%force_kinds(k))%of)
+                call kind%differentiate(1, kind%n, need, self%at, lambda, derivatives)
             end associate
         end do
     end procedure add_derivatives

@@ -27,19 +27,25 @@ contains
         character(len=:), allocatable :: kind, name
         character(len=key_length) :: points(2)
         character(len=text_length), allocatable :: texts(:)
-        real(wp), allocatable :: length, factors(:), inertia
+        character(len=word_length), allocatable :: words(:)
+        real(wp), allocatable :: length
         class(function_type), allocatable :: motion
         type(expression_type), allocatable :: coefficients(:), rhs(:)
         character(len=key_length), allocatable :: variables(:)
         type(error_type), allocatable :: error
-        logical, allocatable :: locked
-        integer :: i
+        integer :: i, k
 
         call reader%open_table('constraint', number)
         if (reader%failed()) return
         name = reader%name
-        call reader%get_word('type', kind, [character(len=8) :: 'distance', 'coupling', 'velocity'], required=.true.)
+        call list_labels(mechanism, 'constraint', words)
+        call reader%get_word('type', kind, [character(len=word_length) :: 'distance', words, 'velocity'], required=.true.)
         if (reader%failed()) return
+        k = mechanism%kind_number(kind)
+        if (k > 0) then
+            call mechanism%kinds(k)%of%read(reader, mechanism, n_points)
+            return
+        end if
         select case (kind)
         case ('distance')
             call take_points(reader, 'between', mechanism, n_points, points, 'two points', .true.)
@@ -49,16 +55,6 @@ contains
             if (allocated(length) .and. allocated(motion)) then
               call reader%fail('motion', 'is given together with length', 'remove one of them')
             end if
-        case ('coupling')
-            call reader%get_texts('joints', 0, texts, 'joints whose coordinates, times factors, add up to 0 or to the motion', &
-                required=.true.)
-            if (allocated(texts)) call reader%get_numbers('factors', [size(texts)], factors, anything, '', &
-                'one for each joint', required=.true.)
-            call reader%get_function('motion', motion, '', 'of time')
-            call reader%get_number('inertia', inertia, not_negative, 'kg m^2 or kg', &
-                'makes the sum a free coordinate with this inertia, on which forces may act')
-            if (reader%gives('locked')) locked = .true.
-            if (allocated(locked)) call reader%get('locked', locked, 'true: initially locked; events lock and free it')
         case default
             call list_variables(mechanism, variables)
             call reader%get_texts('velocities', 0, texts, 'such as "disk.vx"; sum of coefficients times them is the value', &
@@ -73,8 +69,6 @@ contains
         select case (kind)
         case ('distance')
             call mechanism%add_distance(name, trim(points(1)), trim(points(2)), error, length, motion)
-        case ('coupling')
-            call mechanism%add_coupling(name, texts, factors, error, motion, locked, inertia)
         case default
             if (allocated(rhs)) then
                 call mechanism%add_rate_row(name, texts, coefficients, error, rhs(1))
@@ -173,14 +167,28 @@ contains
 
         call reader%open_table('force', number)
         if (reader%failed()) return
-        if (.not. allocated(mechanism%kinds)) call mechanism%clear()
-        allocate (words(size(mechanism%kinds)))
-        do k = 1, size(words)
-            words(k) = mechanism%kinds(k)%of%label()
-        end do
+        call list_labels(mechanism, 'force', words)
         call reader%get_word('type', kind, words, required=.true.)
         if (reader%failed()) return
         k = mechanism%kind_number(kind)
         call mechanism%kinds(k)%of%read(reader, mechanism, n_points)
     end subroutine read_force
+
+    !> List the words of the kinds of a table.
+    subroutine list_labels(mechanism, table, words)
+        type(mechanism_type), intent(inout) :: mechanism
+        character(len=*), intent(in) :: table
+        character(len=word_length), allocatable, intent(out) :: words(:)
+        integer :: k, n
+
+        if (.not. allocated(mechanism%kinds)) call mechanism%clear()
+        allocate (words(size(mechanism%kinds)))
+        n = 0
+        do k = 1, size(words)
+            if (mechanism%kinds(k)%of%table() /= table) cycle
+            n = n + 1
+            words(n) = mechanism%kinds(k)%of%label()
+        end do
+        words = words(:n)
+    end subroutine list_labels
 end module tandem_mechanism_described_elements

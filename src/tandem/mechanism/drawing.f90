@@ -131,7 +131,7 @@ contains
         case (of_kind + 1:)
             call add_kind(mechanism, mechanism%kinds(mechanism%types(k) - of_kind)%of, i, name, drawing, n)
         case default
-            ! Couplings and rows by expressions are not visible.
+            ! Rows by expressions are not visible.
         end select
     end subroutine add_element
 
@@ -184,7 +184,7 @@ contains
         integer, intent(inout) :: n
         integer :: k
 
-        associate (it => kind%attachment(i), word => 'force '//trim(kind%label()))
+        associate (it => kind%attachment(i), word => trim(kind%table())//' '//trim(kind%label()))
             do k = 1, 2
                 if (it%is_drawn(k)) call add(drawing, n, element_type(word, name, it%body(k), it%point(:, k)))
             end do

@@ -1,7 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Bodies in each row of a mechanism, for the pattern of C, without the rows of the norms of Euler parameters.
 module tandem_mechanism_incidence
+    use tandem_kinds, only: wp
     use tandem_mechanism_builder, only: builder_type
+    use tandem_mechanism_element_kind, only: constraint_type
     implicit none (type, external)
     private
 
@@ -16,8 +18,11 @@ contains
         integer, intent(in) :: n_more
         !> Of equal size.
         integer, allocatable, intent(out) :: rows(:), bodies(:)
-        integer :: i, k, n, pass, n_coincidence
+        type(constraint_type) :: it
+        integer, allocatable :: touched(:)
+        integer :: i, j, k, n, n_touched, pass, n_coincidence
 
+        allocate (touched(2))
         n_coincidence = merge(2, 3, drawing%planar)
         ! Count in the first pass, list in the second.
         do pass = 1, 2
@@ -36,11 +41,14 @@ contains
             do i = 1, size(drawing%angles)
                 call add(drawing%angles(i)%row, drawing%angles(i)%first, drawing%angles(i)%second)
             end do
-            do i = 1, size(drawing%couplings)
-                do k = 1, drawing%couplings(i)%n
-                    associate (coordinate => drawing%couplings(i)%coordinates(k))
-                        call add(drawing%couplings(i)%row, coordinate%first, coordinate%second)
-                    end associate
+            do k = 1, size(drawing%kinds)
+                if (.not. drawing%kinds(k)%of%has_rows) cycle
+                do i = 1, drawing%kinds(k)%of%n
+                    it = drawing%kinds(k)%of%constraint(i, 1.0_wp)
+                    call drawing%kinds(k)%of%touch(i, drawing%at, n_touched, touched)
+                    do j = 1, n_touched
+                        call add(it%row, touched(j), 0)
+                    end do
                 end do
             end do
             do i = 1, size(drawing%knife_edges)

@@ -150,9 +150,9 @@ contains
             do i = 1, size(self%bodies)
                 energies(1) = energies(1) + kinetic_energy_of(self%bodies(i), self%at%pose(i))
             end do
-            do i = 1, size(self%couplings)
-                if (self%couplings(i)%sum > 0) energies(1) = energies(1) + &
-                    self%couplings(i)%inertia*self%at%pose(self%couplings(i)%sum)%r(1, 1)**2/2
+            do i = 1, size(self%slides)
+                if (.not. self%slides(i)%is_slack) energies(1) = energies(1) + &
+                    self%slides(i)%inertia*self%at%pose(size(self%bodies) + i)%r(1, 1)**2/2
             end do
             call self%potential_energy(t, q, energies(2), stat)
         case (sensed_body)
@@ -281,11 +281,13 @@ contains
         end if
         call set_poses(self, t, q, qd, stat)
         if (stat /= 0) return
-        do k = 1, size(self%kinds)
-            do i = 1, self%kinds(k)%of%n
-                call self%kinds(k)%of%measure(i, self%at, lambda, measured, power)
-                values(2) = values(2) + power
-            end do
+        do k = 1, size(self%force_kinds)
+            associate (kind => self%kinds(self%force_kinds(k))%of)
+                do i = 1, kind%n
+                    call kind%measure(i, self%at, lambda, measured, power)
+                    values(2) = values(2) + power
+                end do
+            end associate
         end do
     end procedure integrands
 

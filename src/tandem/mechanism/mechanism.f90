@@ -3,7 +3,7 @@
 !> gamma and exact gradient blocks.
 !>
 !> q contains the bodies in their order: (x, y, angle) in the plane, (r, Euler parameters) in space, the position only for a point
-!> mass; then the displacements of massless wheels and the sums of couplings with an inertia, and the slacks of couplings.
+!> mass; then the coordinates that elements have of their own: displacements of massless wheels, sums and slacks of couplings.
 !>
 !> Rows: joints and distances in the order of their definition, one row for the Euler parameters of each rotating body, then the
 !> rows at velocity level.
@@ -15,10 +15,10 @@ module tandem_mechanism
     use tandem_kinds, only: wp
     use tandem_mechanism_body, only: add_gyroscopic, differentiate_inertia, set_mass, set_single_masses
     use tandem_mechanism_coordinate, only: coordinate_type
-    use tandem_mechanism_coupling, only: differentiate_couplings, evaluate_couplings
     use tandem_mechanism_perpendicular, only: differentiate_perpendiculars, evaluate_perpendiculars
     use tandem_mechanism_builder, only: builder_type
     use tandem_mechanism_velocity_joint, only: differentiate_velocity_joints, evaluate_velocity_joints
+    use tandem_mechanism_element_kind, only: constraint_type
     use tandem_mechanism_hinge, only: evaluate_hinges, hinge_type
     use tandem_mechanism_hinge_group, only: evaluate_hinge_groups, hinge_group_type
     use tandem_mechanism_massless_wheel, only: differentiate_massless_wheels, evaluate_massless_wheels
@@ -51,6 +51,8 @@ module tandem_mechanism
         integer, allocatable, private :: first(:)
         !> The force of gravity (n).
         real(wp), allocatable, private :: weight(:)
+        !> Kinds of elements with rows, and kinds with forces, that have elements.
+        integer, allocatable, private :: row_kinds(:), force_kinds(:)
         !> Typical length of the bodies and rods (m).
         real(wp), private :: size_of_bodies = 1.0_wp
         !> Hinges in space, single or in groups, and the indices of the remaining coincident points and perpendicularity rows.
@@ -133,6 +135,15 @@ module tandem_mechanism
             implicit none (type, external)
             class(mechanism_type), intent(inout) :: self
         end subroutine number_rows
+
+        !> Rows of the elements of all kinds.
+        pure module function rows_of_kinds(self, length) result(rows)
+            implicit none (type, external)
+            class(mechanism_type), intent(in) :: self
+            !> Length that gives the scales of the rows.
+            real(wp), intent(in) :: length
+            type(constraint_type), allocatable :: rows(:)
+        end function rows_of_kinds
 
         !> Names and units of coordinates and rows.
         pure module function composed(self, what, i) result(label)
@@ -234,7 +245,7 @@ module tandem_mechanism
             logical, intent(in) :: starts
         end subroutine arrive
 
-        !> Mark the rows of motions, and of couplings, which depend on them.
+        !> Mark the rows of motions, and of locked elements, which depend on them.
         pure module subroutine list_imposed(self, is_imposed, is_angle)
             implicit none (type, external)
             class(mechanism_type), intent(in) :: self
@@ -328,14 +339,14 @@ module tandem_mechanism
             real(wp), intent(out) :: value(:), gradient(:, :)
         end subroutine normal_forces
 
-        !> Set the sums that are coordinates at the start: those of the coordinates of joints and of their rates.
-        pure module subroutine start_sums(self, q, qd)
+        !> Set the coordinates that elements have of their own at the start.
+        module subroutine start_slides(self, q, qd)
             implicit none (type, external)
             class(mechanism_type), intent(in) :: self
             real(wp), intent(inout) :: q(:), qd(:)
-        end subroutine start_sums
+        end subroutine start_slides
 
-        !> True for the slacks of locked couplings.
+        !> True for the coordinates of locked elements that events may free.
         pure module function is_idle(self)
             implicit none (type, external)
             class(mechanism_type), intent(in) :: self
@@ -349,7 +360,8 @@ contains
     subroutine define(self, error)
         class(mechanism_type), intent(inout) :: self
         type(error_type), allocatable, intent(out) :: error
-        integer :: i, n_bodies
+        type(constraint_type), allocatable :: rows(:)
+        integer :: k, n_bodies
 
         n_bodies = 0
         if (allocated(self%bodies)) then
@@ -368,6 +380,9 @@ contains
         if (allocated(error)) return
         self%is_defined = .true.
         if (.not. allocated(self%name)) self%name = 'mechanism'
+        self%row_kinds = pack([(k, k=1, size(self%kinds))], [(self%kinds(k)%of%has_rows, k=1, size(self%kinds))])
+        self%force_kinds = pack([(k, k=1, size(self%kinds))], &
+            [(self%kinds(k)%of%n > 0 .and. .not. self%kinds(k)%of%has_rows, k=1, size(self%kinds))])
         call number_coordinates(self)
         call set_scales(self)
         call check_inertias(self)
@@ -383,10 +398,10 @@ contains
         if (has_forces(self)) self%provides = self%provides + need_force
         if (self%n_holonomic > 0) self%provides = self%provides + need_phi
         if (self%n_constraints() > 0) self%provides = self%provides + need_jacobian + need_gamma
-        if (any([self%perpendiculars%motion, self%angles%motion, self%distances%motion, self%couplings%motion, &
-            self%velocity_joints%motion, &
+        allocate (rows, source=rows_of_kinds(self, 1.0_wp))
+        if (any([self%perpendiculars%motion, self%angles%motion, self%distances%motion, self%velocity_joints%motion, &
             self%rollers%rise, self%rollers%rotation, self%rollers%slide, self%massless_wheels%steer, self%massless_wheels%rise, &
-            self%rate_rows%rhs] > 0)) then
+            self%rate_rows%rhs, rows%motion] > 0)) then
           self%provides = self%provides + need_nu
         end if
         self%evaluate_derivatives => evaluate_derivatives
@@ -398,8 +413,8 @@ contains
             self%derives_by_bodies = .true.
         end if
         call list_quantities(self)
-        self%counts_turns = .not. self%planar .and. (size(self%at%formulas) + size(self%couplings) > 0 .or. &
-            any([(self%kinds(i)%of%counts_turns, i=1, size(self%kinds))]) .or. any(self%sensors%kind == sensed_joint))
+        self%counts_turns = .not. self%planar .and. (size(self%at%formulas) > 0 .or. &
+            any([(self%kinds(k)%of%counts_turns, k=1, size(self%kinds))]) .or. any(self%sensors%kind == sensed_joint))
         call list_frictions(self)
         if (.not. self%keeps_poses) deallocate (self%at%pose)
         ! Elements along joint coordinates have copies of them; only expressions use the list.
@@ -425,7 +440,7 @@ contains
     pure logical function has_forces(self)
         class(mechanism_type), intent(in) :: self
 
-        has_forces = size(self%turning) > 0 .or. self%n_elements() > 0 .or. maxval(abs(self%weight)) > 0.0_wp
+        has_forces = size(self%turning) > 0 .or. size(self%force_kinds) > 0 .or. maxval(abs(self%weight)) > 0.0_wp
     end function has_forces
 
     !> Clear rows before they are set: in compressed rows every entry is set again, except in rows that are sums.
@@ -438,9 +453,6 @@ contains
             terms%jacobian = 0.0_wp
             return
         end if
-        do i = 1, size(self%couplings)
-            terms%jacobian(self%couplings(i)%row, :) = 0.0_wp
-        end do
         do i = 1, size(self%rate_rows)
             terms%jacobian(self%rate_rows(i)%row, :) = 0.0_wp
         end do
@@ -469,7 +481,7 @@ contains
                 end if
             end associate
         end do
-        call start_sums(self, q, qd)
+        call start_slides(self, q, qd)
     end subroutine start
 
     !> Evaluate any set of terms.
@@ -549,7 +561,9 @@ contains
                 self%perpendiculars, need, self%at%pose, self%at%f, terms)
             if (size(self%distances) > 0) call evaluate_distances(self%distances, need, self%at%pose, self%at%f, terms)
             if (size(self%angles) > 0) call evaluate_angles(self, need, terms)
-            if (size(self%couplings) > 0) call evaluate_couplings(self%couplings, need, q, self%at%pose, self%at%f, terms)
+            do i = 1, size(self%row_kinds)
+                call self%kinds(self%row_kinds(i))%of%add_rows(need, self%at, terms, stat)
+            end do
             if (size(self%knife_edges) > 0) call evaluate_knife_edges(self%knife_edges, need, self%at%pose, self%at%f, terms)
             if (size(self%rollers) > 0) call evaluate_rollers(self%rollers, need, self%at%pose, self%at%f, terms, stat)
             if (size(self%massless_wheels) > 0) call evaluate_massless_wheels(self%massless_wheels, need, self%at%pose, self%at%f, &
@@ -585,12 +599,9 @@ contains
                     call set_mass(self%bodies(k), self%at%pose(k), self%n, size(terms%mass, 2), terms%mass)
                 end if
             end do
-            do i = 1, size(self%couplings)
-                k = self%couplings(i)%slack
-                if (k > 0) terms%mass(k, merge(1, k, terms%is_compressed)) = self%couplings(i)%slack_mass
-                if (self%couplings(i)%sum == 0) cycle
-                k = self%first(self%couplings(i)%sum)
-                terms%mass(k, merge(1, k, terms%is_compressed)) = self%couplings(i)%inertia
+            do i = 1, size(self%slides)
+                k = self%first(size(self%bodies) + i)
+                terms%mass(k, merge(1, k, terms%is_compressed)) = self%slides(i)%inertia
             end do
         end if
         if (iand(need, need_force) == 0) return
@@ -601,8 +612,8 @@ contains
         do i = 1, self%n_turning_alone
             call add_gyroscopic(self%bodies(self%turning(i)), self%at%pose(self%turning(i)), terms%force)
         end do
-        do k = 1, size(self%kinds)
-            if (self%kinds(k)%of%n > 0) call self%kinds(k)%of%add_forces(self%at, terms%force, stat)
+        do i = 1, size(self%force_kinds)
+            call self%kinds(self%force_kinds(i))%of%add_forces(self%at, terms%force, stat)
         end do
     end subroutine evaluate_mechanism
 
@@ -701,11 +712,11 @@ contains
         select type (self)
         class is (mechanism_type)
             value = -dot_product(self%weight, q)
-            if (self%n_elements() == 0) return
+            if (size(self%force_kinds) == 0) return
             call set_places(self, q)
             call set_displacements(self%at%pose(size(self%bodies) + 1:), 0, q)
-            do i = 1, size(self%kinds)
-                call self%kinds(i)%of%add_energy(self%at, value)
+            do i = 1, size(self%force_kinds)
+                call self%kinds(self%force_kinds(i))%of%add_energy(self%at, value)
             end do
         end select
     end subroutine potential_energy

@@ -4,7 +4,7 @@
 submodule(tandem_mechanism) tandem_mechanism_numbering
     use tandem_kinds, only: lane
     use tandem_model, only: its_unit, name_of_coordinate, unit_of_its_multiplier
-    use tandem_mechanism_coordinate, only: is_displacement, number_slide
+    use tandem_mechanism_coordinate, only: number_slide
     use tandem_mechanism_hinge, only: gather_hinges
     use tandem_mechanism_hinge_group, only: find_hinge_blocks, gather_hinge_groups, place_hinge_groups
     use tandem_mechanism_incidence, only: list_incidence
@@ -20,8 +20,8 @@ contains
 
         call number_slides(self)
         if (allocated(self%at%pose)) deallocate (self%at%pose)
-        ! At most seven per body, and one per slack, sum or sliding wheel.
-        allocate (blocks(7*size(self%bodies) + size(self%couplings) + self%n_of%slides), source=0)
+        ! At most seven per body.
+        allocate (blocks(7*size(self%bodies) + self%n_of%slides), source=0)
         self%turning = pack([(i, i=1, size(self%bodies))], self%bodies%turns .and. .not. self%planar)
         self%first = spread(1, 1, size(self%bodies) + self%n_of%slides + 1)
         n = 0
@@ -37,13 +37,6 @@ contains
                 end if
             end if
             self%first(i + 1) = n + 1
-        end do
-        ! The slacks of couplings that events lock and free.
-        do i = 1, size(self%couplings)
-            if (.not. self%couplings(i)%can_be_freed) cycle
-            n = n + 1
-            blocks(n) = 1
-            self%couplings(i)%slack = n
         end do
         self%n = n
         self%composes_labels = .true.
@@ -100,12 +93,6 @@ contains
                 pose%turn_mass = self%pattern%mass_column(pose%turn)
             end associate
         end do
-        do i = 1, size(self%couplings)
-            associate (it => self%couplings(i))
-                it%slack_column = it%slack
-                if (self%is_compressed .and. it%slack > 0) it%slack_column = self%pattern%column(it%slack)
-            end associate
-        end do
     end subroutine place_poses
 
     module procedure composed
@@ -141,12 +128,6 @@ contains
         label = '1'
         from = 1
         to = size(self%first)
-        if (i >= self%first(to)) then
-            if (is_unit) return
-            k = findloc(self%couplings%slack, i, dim=1)
-            label = trim(self%held%name(self%couplings(k)%row))//'.slack'
-            return
-        end if
         do while (to - from > 1)
             middle = (from + to)/2
             if (self%first(middle) <= i) then
@@ -157,13 +138,10 @@ contains
         end do
         k = i - self%first(from) + 1
         if (from > size(self%bodies)) then
-            label = 'm'
-            k = findloc(self%couplings%sum, from, dim=1)
-            if (k > 0) label = merge('m  ', 'rad', self%couplings(k)%coordinates(1)%kind == is_displacement)
-            if (is_unit) return
-            k = findloc(self%massless_wheels%slide, from, dim=1)
-            if (k > 0) label = element_name(self, self%massless_wheels(k)%height_row)//'.displacement'
-            if (k == 0) label = trim(self%held%name(self%couplings(findloc(self%couplings%sum, from, dim=1))%row))//'.displacement'
+            associate (slide => self%slides(from - size(self%bodies)))
+                label = slide%unit
+                if (.not. is_unit) label = trim(slide%name)//trim(merge('.slack       ', '.displacement', slide%is_slack))
+            end associate
         else if (k <= merge(2, 3, self%planar)) then
             label = 'm'
             if (.not. is_unit) label = trim(self%bodies(from)%name)//'.'//places(k)
@@ -190,11 +168,8 @@ contains
         do i = 1, size(self%at%coordinates)
             call number_slide(self%at%coordinates(i), size(self%bodies))
         end do
-        do i = 1, size(self%couplings)
-            call put_behind(self%couplings(i)%sum)
-            do k = 1, self%couplings(i)%n
-                call number_slide(self%couplings(i)%coordinates(k), size(self%bodies))
-            end do
+        do k = 1, size(self%kinds)
+            call self%kinds(k)%of%number_slides(size(self%bodies))
         end do
 
     contains
@@ -206,14 +181,18 @@ contains
         end subroutine put_behind
     end subroutine number_slides
 
-    !> Element of a row, whose name begins with that of the element.
-    pure function element_name(self, row) result(name)
-        class(mechanism_type), intent(in) :: self
-        integer, intent(in) :: row
-        character(len=index(self%held%name(row), ' ') - 1) :: name
+    module procedure rows_of_kinds
+        integer :: i, k, n
 
-        name = self%held%name(row)
-    end function element_name
+        allocate (rows(sum([(self%kinds(self%row_kinds(k))%of%n, k=1, size(self%row_kinds))])))
+        n = 0
+        do k = 1, size(self%row_kinds)
+            do i = 1, self%kinds(self%row_kinds(k))%of%n
+                n = n + 1
+                rows(n) = self%kinds(self%row_kinds(k))%of%constraint(i, length)
+            end do
+        end do
+    end procedure rows_of_kinds
 
     module procedure number_rows
         integer :: k
@@ -228,7 +207,7 @@ contains
         self%rollers%row = self%rollers%row + self%n_holonomic
         self%massless_wheels%row = self%massless_wheels%row + self%n_holonomic
         do k = 1, size(self%kinds)
-            call self%kinds(k)%of%renumber(size(self%bodies), self%n_holonomic)
+            call self%kinds(k)%of%renumber(self%n_holonomic)
         end do
     end procedure number_rows
 
@@ -264,27 +243,19 @@ contains
         end if
         self%takes_poses = max(self%n_turning_alone, size(self%hinges), size(self%single_coincidences), &
             size(self%single_perpendiculars), &
-            size(self%distances), size(self%angles), size(self%couplings), size(self%knife_edges), size(self%rollers), &
-            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), self%n_elements()) > 0
+            size(self%distances), size(self%angles), size(self%knife_edges), size(self%rollers), &
+            size(self%massless_wheels), size(self%velocity_joints), size(self%rate_rows), size(self%row_kinds), &
+            size(self%force_kinds)) > 0
         self%keeps_poses = self%takes_poses .or. size(self%sensors) > 0
     end procedure form_groups
 
     module procedure declare_pattern
         integer, allocatable :: rows(:), bodies(:), owner(:)
-        integer :: i, l, n_slacks
+        integer :: i, l
 
         if (allocated(self%pattern)) deallocate (self%pattern)
         call set_columns(self, .false.)
-        ! The slacks of couplings are bodies of one coordinate, after all others.
-        n_slacks = count(self%couplings%slack > 0)
-        call list_incidence(self, n_slacks + size(self%turning), rows, bodies)
-        l = size(rows) - n_slacks - size(self%turning)
-        do i = 1, size(self%couplings)
-            if (self%couplings(i)%slack == 0) cycle
-            l = l + 1
-            rows(l) = self%couplings(i)%row
-            bodies(l) = size(self%first) + self%couplings(i)%slack - self%first(size(self%first))
-        end do
+        call list_incidence(self, size(self%turning), rows, bodies)
         allocate (owner(self%n_constraints()), source=0)
         do i = 1, size(self%turning)
             owner(self%before_norms + i) = self%turning(i)
@@ -292,8 +263,7 @@ contains
             bodies(size(rows) - size(self%turning) + i) = self%turning(i)
         end do
         allocate (self%pattern)
-        call self%pattern%build([self%first, (self%first(size(self%first)) + i, i=1, n_slacks)], self%mass_blocks, &
-            size(owner), rows, bodies, owner)
+        call self%pattern%build(self%first, self%mass_blocks, size(owner), rows, bodies, owner)
         deallocate (rows, bodies, owner)
         do i = 1, size(self%hinge_groups)
             associate (group => self%hinge_groups(i))

@@ -3,7 +3,7 @@
 !> is searched, revolutions follow the smallest change from point to point; during a run they follow it from one accepted point to
 !> the next. An angle that is driven by a function of time takes its revolutions from the function.
 submodule(tandem_mechanism) tandem_mechanism_revolutions
-    use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search, is_an_angle => is_angle
+    use tandem_mechanism_coordinate, only: begin_turns, count_turns, end_search
     use tandem_mechanism_element_kind, only: visit_interface
     use tandem_mechanism_sensor, only: begin_sensor
     implicit none (type, external)
@@ -36,6 +36,7 @@ contains
     end procedure arrive
 
     module procedure list_imposed
+        type(constraint_type), allocatable :: rows(:)
         integer :: i
 
         is_imposed = .false.
@@ -51,10 +52,11 @@ contains
             is_imposed(self%angles(i)%row) = .true.
             is_angle(self%angles(i)%row) = .true.
         end do
-        do i = 1, size(self%couplings)
-            if (.not. self%couplings(i)%is_locked) cycle
-            is_imposed(self%couplings(i)%row) = .true.
-            is_angle(self%couplings(i)%row) = self%couplings(i)%coordinates(1)%kind == is_an_angle
+        allocate (rows, source=rows_of_kinds(self, 1.0_wp))
+        do i = 1, size(rows)
+            if (.not. rows(i)%is_locked) cycle
+            is_imposed(rows(i)%row) = .true.
+            is_angle(rows(i)%row) = rows(i)%is_angle
         end do
     end procedure list_imposed
 
@@ -69,7 +71,7 @@ contains
         integer :: k
 
         depends_on_revolutions = size(self%at%formulas) > 0 .or. &
-            any([(self%kinds(k)%of%counts_turns, k=1, size(self%kinds))]) .or. .not. all(self%couplings%drops_turns)
+            any([(self%kinds(k)%of%counts_turns, k=1, size(self%kinds))])
     end function depends_on_revolutions
 
     !> Call `visit` for the coordinates of forces, expressions and rows.
@@ -86,12 +88,6 @@ contains
                 associate (variable => self%at%formulas(i)%variables(k))
                     if (variable%kind == is_joint) call visit(self%at%coordinates(variable%owner), self%at%pose, self%at%f)
                 end associate
-            end do
-        end do
-        do i = 1, size(self%couplings)
-            if (self%couplings(i)%drops_turns) cycle
-            do k = 1, self%couplings(i)%n
-                call visit(self%couplings(i)%coordinates(k), self%at%pose, self%at%f)
             end do
         end do
     end subroutine visit_elements

@@ -2,8 +2,7 @@
 !> Natural scales of a mechanism, derived from its own dimensions, so that runs take the same steps in any system of units.
 submodule(tandem_mechanism) tandem_mechanism_scales
     use tandem_error, only: to_text
-    use tandem_mechanism_coordinate, only: is_rotation, pi
-    use tandem_mechanism_coupling, only: coupling_type
+    use tandem_mechanism_coordinate, only: pi
     use tandem_mechanism_point_vector, only: point_vector_type
     implicit none (type, external)
 
@@ -16,7 +15,7 @@ submodule(tandem_mechanism) tandem_mechanism_scales
 contains
 
     module procedure set_scales
-        real(wp) :: unit, mass
+        type(constraint_type), allocatable :: rows(:)
         integer :: i
 
         self%size_of_bodies = typical_length(self)
@@ -31,16 +30,9 @@ contains
                 end if
             end associate
         end do
-        do i = 1, size(self%couplings)
-            associate (it => self%couplings(i))
-                unit = size_of_sum(self, it)
-                if (it%sum > 0) self%coordinate_scale(self%first(it%sum)) = unit
-                if (it%slack == 0) cycle
-                mass = sum(self%bodies%mass)/size(self%bodies)*(self%size_of_bodies/unit)**2
-                if (.not. (mass > 0.0_wp .and. mass <= huge(1.0_wp))) cycle
-                self%coordinate_scale(it%slack) = unit
-                it%slack_mass = mass
-            end associate
+        allocate (rows, source=rows_of_kinds(self, self%size_of_bodies))
+        do i = 1, size(rows)
+            if (rows(i)%slide > 0) call scale_slide(self, rows(i)%slide, rows(i)%scale)
         end do
         if (.not. (self%planar .and. any(self%bodies%turns))) return
         self%coordinate_period = spread(0.0_wp, 1, self%n)
@@ -48,6 +40,25 @@ contains
             if (self%bodies(i)%turns) self%coordinate_period(self%first(i) + 2) = 2*pi
         end do
     end procedure set_scales
+
+    !> Set the scale of the coordinate of an element, and the mass of a slack.
+    subroutine scale_slide(self, pose, unit)
+        class(mechanism_type), intent(inout) :: self
+        integer, intent(in) :: pose
+        real(wp), intent(in) :: unit
+        real(wp) :: mass
+
+        associate (slide => self%slides(pose - size(self%bodies)), scale => self%coordinate_scale(self%first(pose)))
+            scale = unit
+            if (.not. slide%is_slack) return
+            mass = sum(self%bodies%mass)/size(self%bodies)*(self%size_of_bodies/unit)**2
+            if (mass > 0.0_wp .and. mass <= huge(1.0_wp)) then
+                slide%inertia = mass
+            else
+                scale = 1.0_wp
+            end if
+        end associate
+    end subroutine scale_slide
 
     module procedure check_inertias
         real(wp), parameter :: rounding = 1.0e-9_wp
@@ -95,22 +106,11 @@ contains
         rate = maxval([0.0_wp, abs(qd)/self%coordinate_scale])
     end function rate_of_start
 
-    !> Value of a coupling if all angles are 1 and all displacements are one length scale.
-    pure real(wp) function size_of_sum(self, it) result(unit)
-        class(mechanism_type), intent(in) :: self
-        type(coupling_type), intent(in) :: it
-        integer :: k
-
-        unit = 0.0_wp
-        do k = 1, it%n - merge(1, 0, it%sum > 0)
-            unit = unit + abs(it%factors(k))*merge(1.0_wp, self%size_of_bodies, is_rotation(it%coordinates(k)))
-        end do
-    end function size_of_sum
-
     !> Rate of the functions of time that drive joints and distances, at a given time.
     real(wp) function rate_of_motions(self, t) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp), intent(in) :: t
+        type(constraint_type), allocatable :: rows(:)
         integer :: i
 
         rate = 0.0_wp
@@ -123,8 +123,9 @@ contains
         do i = 1, size(self%angles)
             call add(self%angles(i)%motion, 1.0_wp)
         end do
-        do i = 1, size(self%couplings)
-            call add(self%couplings(i)%motion, size_of_sum(self, self%couplings(i)))
+        allocate (rows, source=rows_of_kinds(self, self%size_of_bodies))
+        do i = 1, size(rows)
+            call add(rows(i)%motion, rows(i)%scale)
         end do
 
     contains
@@ -179,14 +180,18 @@ contains
     pure real(wp) function rate_of_springs(self) result(rate)
         class(mechanism_type), intent(in) :: self
         real(wp) :: mass, inertia, square
-        integer :: k
+        integer :: i, k
 
         mass = maxval(self%bodies%mass)
         inertia = max(mass*self%size_of_bodies**2, tiny(1.0_wp))
         mass = max(mass, tiny(1.0_wp))
         square = 0.0_wp
         do k = 1, size(self%kinds)
-            square = max(square, self%kinds(k)%of%stiffest(mass, inertia))
+            do i = 1, self%kinds(k)%of%n
+                associate (it => self%kinds(k)%of%attachment(i))
+                    square = max(square, it%stiffness(1)/mass, it%stiffness(2)/inertia)
+                end associate
+            end do
         end do
         rate = sqrt(square)
     end function rate_of_springs
@@ -211,7 +216,7 @@ contains
         type(point_vector_type), allocatable, intent(out) :: lines(:)
         integer :: i, k, n
 
-        allocate (lines(self%n_elements()))
+        allocate (lines(sum([(self%kinds(k)%of%n, k=1, size(self%kinds))])))
         n = 0
         do k = 1, size(self%kinds)
             do i = 1, self%kinds(k)%of%n

@@ -22,7 +22,7 @@ module tandem_mechanism_sensor
     !> Kinds of sensors.
     integer, parameter :: sensed_point = 1, sensed_joint = 2, sensed_distance = 3, sensed_energy = 4, sensed_body = 5
     integer, parameter :: sensed_reaction = 6, sensed_force = 7, sensed_balance = 8
-    !> Elements with a reaction; `of_row` is a coupling, or a row by expressions.
+    !> Elements with a reaction; `of_row` is a row by expressions.
     integer, parameter :: of_joint = 1, of_wheel = 2, of_knife_edge = 3, of_distance = 4, of_row = 5, of_massless_wheel = 6
     !> An element of the kind k in the list of kinds has the type of_kind + k.
     integer, parameter :: of_kind = 6

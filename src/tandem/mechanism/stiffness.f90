@@ -21,14 +21,16 @@ contains
         allocate (self%touched(most))
         do pass = 1, 2
             n = 0
-            do k = 1, size(self%kinds)
-                do i = 1, self%kinds(k)%of%n
-                    call self%kinds(k)%of%touch(i, self%at, n_bodies, self%touched)
-                    most = max(most, n_bodies)
-                    do j = 2, n_bodies
-                        call add_pair(self%touched(1), self%touched(j))
+            do k = 1, size(self%force_kinds)
+                associate (kind => self%kinds(self%force_kinds(k))%of)
+                    do i = 1, kind%n
+                        call kind%touch(i, self%at, n_bodies, self%touched)
+                        most = max(most, n_bodies)
+                        do j = 2, n_bodies
+                            call add_pair(self%touched(1), self%touched(j))
+                        end do
                     end do
-                end do
+                end associate
             end do
             if (pass == 1) allocate (pairs(2, n), source=0)
         end do
@@ -70,13 +72,15 @@ contains
                 call close_window(self, [body], stiffness)
             end associate
         end do
-        do k = 1, size(self%kinds)
-            do i = 1, self%kinds(k)%of%n
-                call self%kinds(k)%of%touch(i, self%at, n, self%touched)
-                call open_window(self, self%touched(:n))
-                call self%kinds(k)%of%differentiate(i, i, needed, self%at, lambda, self%window)
-                call close_window(self, self%touched(:n), stiffness)
-            end do
+        do k = 1, size(self%force_kinds)
+            associate (kind => self%kinds(self%force_kinds(k))%of)
+                do i = 1, kind%n
+                    call kind%touch(i, self%at, n, self%touched)
+                    call open_window(self, self%touched(:n))
+                    call kind%differentiate(i, i, needed, self%at, lambda, self%window)
+                    call close_window(self, self%touched(:n), stiffness)
+                end do
+            end associate
         end do
     end procedure evaluate_stiffness
 

@@ -5,7 +5,7 @@ module test_mechanism_elements
     use asserts, only: check_count, check_no_failure, check_true
     use mechanism_checks, only: check_drawing, draw, verify
     use tandem, only: failure_type => error_type, mechanism_type, plane_type, polynomial_type, ramp, sine_type, wp
-    use tandem_mechanism_element_kind, only: most_measured
+    use tandem_mechanism_element_kind, only: constraint_type, most_measured
     use tandem_mechanism_sensor, only: sensor_type
     use tandem_model, only: quantity_type
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -27,6 +27,7 @@ contains
             new_unittest('driven-joints-and-distances', test_driven), &
             new_unittest('forces', test_forces), &
             new_unittest('kinds-of-forces-have-words-and-quantities', test_kinds), &
+            new_unittest('kinds-keep-numbers-and-rows-that-events-change', test_changed_kinds), &
             new_unittest('knife-edges-disks-and-spheres', test_rolling), &
             new_unittest('words-name-what-is-wrong', test_words)]
     end subroutine collect_mechanism_elements
@@ -77,6 +78,50 @@ contains
         call check_true(error, words == 'a spring nor a torsion', 'words of kinds with numbers that events set: '//words)
         call check_count(error, mechanism%kind_number('gravity'), 0, 'index of an unknown word')
     end subroutine test_kinds
+
+    !> Numbers of a torsion; the row of a coupling, and its slack, which follows the two bodies.
+    subroutine test_changed_kinds(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type) :: mechanism
+        type(failure_type), allocatable :: failure
+        type(constraint_type) :: row
+        real(wp) :: q(15), qd(15)
+        character(len=80) :: problem
+        integer :: k
+
+        call draw(mechanism, .false.)
+        call mechanism%add_joint('pin', 'revolute', 'ground', 'first', failure, at=[0.7_wp, 0.5_wp, 0.2_wp], axis=[1.0_wp, 2.0_wp, &
+            -0.5_wp])
+        call check_no_failure(error, failure)
+        call mechanism%add_torsion('coil', 'pin', failure, stiffness=3.0_wp, angle=0.5_wp)
+        call check_no_failure(error, failure)
+        call mechanism%add_coupling('clutch', ['pin'], [-2.0_wp], failure, locked=.false.)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        k = mechanism%kind_number('coupling')
+        row = mechanism%kinds(k)%of%constraint(1, 0.5_wp)
+        call check_true(error, mechanism%kinds(k)%of%table() == 'constraint', 'table of couplings')
+        call check_count(error, row%row, 6, 'row, behind those of the joint')
+        call check_count(error, row%slide, -1, 'slack before it is numbered')
+        call check_true(error, row%is_angle .and. row%can_be_freed .and. .not. row%is_locked, 'a free row of an angle')
+        call check_true(error, abs(row%scale - 2) < epsilon(1.0_wp), 'scale of the row of an angle')
+        call mechanism%define(failure)
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        row = mechanism%kinds(k)%of%constraint(1, 0.5_wp)
+        call check_count(error, row%slide, 3, 'numbered slack')
+        call mechanism%start(q, qd)
+        call mechanism%change('lock clutch', .true., 0.0_wp, q, problem)
+        row = mechanism%kinds(k)%of%constraint(1, 0.5_wp)
+        call check_true(error, problem == '' .and. .not. row%is_locked, 'a trial changes nothing')
+        call mechanism%change('lock clutch', .false., 0.0_wp, q, problem)
+        row = mechanism%kinds(k)%of%constraint(1, 0.5_wp)
+        call check_true(error, problem == '' .and. row%is_locked, 'a locked row')
+        call mechanism%change('force.coil.damping = 0.25', .false., 0.0_wp, q, problem)
+        associate (numbers => mechanism%kinds(mechanism%kind_number('torsion'))%of%numbers)
+            call check_true(error, all(abs(numbers(:, 1) - [3.0_wp, 0.25_wp, 0.5_wp]) < epsilon(1.0_wp)), 'numbers of the torsion')
+        end associate
+    end subroutine test_changed_kinds
 
     !> Between two bodies and between a body and the ground, either way; rows, which the reference configuration satisfies.
     subroutine test_joints_in_space(error)

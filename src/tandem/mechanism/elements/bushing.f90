@@ -36,7 +36,7 @@ module tandem_mechanism_elements_bushing
         type(bushing_type), allocatable, private :: list(:)
     contains
         procedure, nopass :: label, read => read_bushing
-        procedure :: append, fit, attachment, add_forces, add_energy, differentiate, stiffest, list_quantities, measure
+        procedure :: append, attachment, add_forces, add_energy, differentiate, list_quantities, measure
     end type bushing_kind_type
 
 contains
@@ -84,28 +84,27 @@ contains
         class(bushing_kind_type), intent(inout) :: self
         type(bushing_type), intent(in) :: bushing
 
+        call self%add()
         if (.not. allocated(self%list)) allocate (self%list(1))
-        if (self%n == size(self%list)) self%list = [self%list, self%list]
-        self%n = self%n + 1
+        if (self%n > size(self%list)) self%list = [self%list, self%list]
         self%list(self%n) = bushing
     end subroutine append
-
-    pure subroutine fit(self)
-        class(bushing_kind_type), intent(inout) :: self
-
-        if (self%n > 0) self%list = self%list(:self%n)
-    end subroutine fit
 
     pure function attachment(self, number)
         class(bushing_kind_type), intent(in) :: self
         integer, intent(in) :: number
         type(attachment_type) :: attachment
+        integer :: i, k
 
         associate (it => self%list(number)%coordinates(1))
             attachment%body = [it%first, it%second]
             attachment%point(:, 2) = it%one%b
             attachment%is_drawn(2) = .true.
         end associate
+        do k = 1, self%list(number)%n
+            i = merge(2, 1, is_rotation(self%list(number)%coordinates(k)))
+            attachment%stiffness(i) = max(attachment%stiffness(i), self%list(number)%stiffness(k, k))
+        end do
     end function attachment
 
     !> force := force - sum over i of f_i x_i,q for every bushing.
@@ -117,6 +116,7 @@ contains
         real(wp) :: x(0:2, 6), gradient(n_local, 0:2, 6), f
         integer :: i, k
 
+        if (context%only_rates) return
         do i = 1, self%n
             associate (it => self%list(i), n => self%list(i)%n)
                 do k = 1, n
@@ -181,19 +181,6 @@ contains
             end associate
         end do
     end subroutine differentiate
-
-    pure real(wp) function stiffest(self, mass, inertia) result(square)
-        class(bushing_kind_type), intent(in) :: self
-        real(wp), intent(in) :: mass, inertia
-        integer :: i, k
-
-        square = 0.0_wp
-        do i = 1, self%n
-            do k = 1, self%list(i)%n
-                square = max(square, self%list(i)%stiffness(k, k)/merge(inertia, mass, is_rotation(self%list(i)%coordinates(k))))
-            end do
-        end do
-    end function stiffest
 
     subroutine list_quantities(self, sensor, list)
         class(bushing_kind_type), intent(in) :: self

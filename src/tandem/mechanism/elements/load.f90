@@ -40,7 +40,7 @@ module tandem_mechanism_elements_load
         type(load_type), allocatable, private :: list(:)
     contains
         procedure, nopass :: label, read => read_load
-        procedure :: append, fit, attachment, touch, add_forces, add_rates, differentiate, list_quantities, measure
+        procedure :: append, attachment, touch, add_forces, differentiate, list_quantities, measure
         procedure, private :: find_push
     end type load_kind_type
 
@@ -112,17 +112,11 @@ contains
         class(load_kind_type), intent(inout) :: self
         type(load_type), intent(in) :: load
 
+        call self%add()
         if (.not. allocated(self%list)) allocate (self%list(1))
-        if (self%n == size(self%list)) self%list = [self%list, self%list]
-        self%n = self%n + 1
+        if (self%n > size(self%list)) self%list = [self%list, self%list]
         self%list(self%n) = load
     end subroutine append
-
-    pure subroutine fit(self)
-        class(load_kind_type), intent(inout) :: self
-
-        if (self%n > 0) self%list = self%list(:self%n)
-    end subroutine fit
 
     pure function attachment(self, number)
         class(load_kind_type), intent(in) :: self
@@ -189,49 +183,36 @@ contains
         end do
     end subroutine add_forces
 
-    pure subroutine add_rates(self, context, force, stat)
-        class(load_kind_type), intent(inout) :: self
-        type(context_type), intent(inout) :: context
-        real(wp), intent(inout) :: force(:)
-        integer, intent(inout) :: stat
-        real(wp) :: push(6), value
-        integer :: i, k, time
-
-        do i = 1, self%n
-            associate (load => self%list(i))
-                push = 0.0_wp
-                if (load%motion > 0) push = context%f(0, load%motion)*[load%force, load%torque]
-                do k = 1, 6
-                    if (load%formula(k) == 0) cycle
-                    associate (formula => context%formulas(load%formula(k)))
-                        time = findloc(formula%variables%kind, is_time, dim=1)
-                        if (time == 0) cycle
-                        call formula%read_state(context%t, context%pose, context%coordinates, .false.)
-                        call formula%evaluate_gradient(value)
-                        push(k) = push(k) + formula%gradient(time)
-                    end associate
-                end do
-                call add_push(load, context%pose(load%body), push, force)
-            end associate
-        end do
-    end subroutine add_rates
-
-    !> Force and torque, in the axes in which they are given.
+    !> Force and torque, in the axes in which they are given, or their partial derivatives with respect to time.
     pure subroutine find_push(self, number, context, push)
         class(load_kind_type), intent(in) :: self
         integer, intent(in) :: number
         type(context_type), intent(inout) :: context
         real(wp), intent(out) :: push(6)
-        integer :: k
+        real(wp) :: value
+        integer :: k, time
 
         associate (load => self%list(number))
             push(1:3) = load%force
             push(4:6) = load%torque
-            if (load%motion > 0) push = context%f(0, load%motion)*push
+            if (load%motion > 0) then
+                push = context%f(0, load%motion)*push
+            else if (context%only_rates) then
+                push = 0.0_wp
+            end if
             do k = 1, 6
                 if (load%formula(k) == 0) cycle
-                call context%formulas(load%formula(k))%read_state(context%t, context%pose, context%coordinates, .false.)
-                push(k) = push(k) + context%formulas(load%formula(k))%value()
+                associate (formula => context%formulas(load%formula(k)))
+                    call formula%read_state(context%t, context%pose, context%coordinates, .false.)
+                    if (.not. context%only_rates) then
+                        push(k) = push(k) + formula%value()
+                        cycle
+                    end if
+                    time = findloc(formula%variables%kind, is_time, dim=1)
+                    if (time == 0) cycle
+                    call formula%evaluate_gradient(value)
+                    push(k) = push(k) + formula%gradient(time)
+                end associate
             end do
         end associate
     end subroutine find_push
@@ -370,6 +351,7 @@ contains
             end associate
         end subroutine add
     end subroutine differentiate_entry
+
     subroutine list_quantities(self, sensor, list)
         class(load_kind_type), intent(in) :: self
         type(sensor_type), intent(in) :: sensor

@@ -6,6 +6,7 @@ module tandem_mechanism_elements_spring
     use tandem_kinds, only: wp
     use tandem_mechanism_builder, only: builder_type
     use tandem_mechanism_context, only: context_type
+    use tandem_mechanism_coordinate_force, only: coordinate_force_type, energy_along, force_along, measure_along, slopes_along
     use tandem_mechanism_described_points, only: take_points
     use tandem_mechanism_element_keys, only: key_length
     use tandem_mechanism_element_kind, only: attachment_type, element_kind_type, most_measured, word_length
@@ -18,17 +19,15 @@ module tandem_mechanism_elements_spring
     use tandem_mechanism_sensor, only: add_quantity, sensor_type
     use tandem_model, only: model_type, quantity_type
     use tandem_model_derivatives, only: derivatives_type
-    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
     public :: spring_kind_type, spring_type
 
-    !> Stiffness k (N/m), damping c (N s/m), free length l0 (m); indices of the function u(t) and of the force law g, 0 if none.
+    !> Force along the distance of two points. Its numbers are stiffness k (N/m), damping c (N s/m) and free length l0 (m).
     type :: spring_type
         type(point_vector_type) :: vector
-        real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, length = 0.0_wp
-        integer :: motion = 0, law = 0
+        type(coordinate_force_type) :: force
     end type spring_type
 
     !> All springs.
@@ -36,8 +35,7 @@ module tandem_mechanism_elements_spring
         type(spring_type), allocatable, private :: list(:)
     contains
         procedure, nopass :: label, read => read_spring, list_settings
-        procedure :: append, fit, attachment, add_forces, add_rates, add_energy, differentiate, stiffest
-        procedure :: list_quantities, measure, set, pack_state
+        procedure :: append, attachment, add_forces, add_energy, differentiate, list_quantities, measure
     end type spring_kind_type
 
 contains
@@ -78,22 +76,17 @@ contains
         call reader%blame(error)
     end subroutine read_spring
 
-    !> Append a spring.
-    pure subroutine append(self, spring)
+    !> Append a spring with its numbers.
+    pure subroutine append(self, spring, numbers)
         class(spring_kind_type), intent(inout) :: self
         type(spring_type), intent(in) :: spring
+        real(wp), intent(in) :: numbers(3)
 
+        call self%add(numbers)
         if (.not. allocated(self%list)) allocate (self%list(1))
-        if (self%n == size(self%list)) self%list = [self%list, self%list]
-        self%n = self%n + 1
+        if (self%n > size(self%list)) self%list = [self%list, self%list]
         self%list(self%n) = spring
     end subroutine append
-
-    pure subroutine fit(self)
-        class(spring_kind_type), intent(inout) :: self
-
-        if (self%n > 0) self%list = self%list(:self%n)
-    end subroutine fit
 
     pure function attachment(self, number)
         class(spring_kind_type), intent(in) :: self
@@ -107,6 +100,7 @@ contains
         end associate
         attachment%is_drawn = .true.
         attachment%is_line = .true.
+        attachment%stiffness(1) = self%numbers(1, number)
     end function attachment
 
     !> stat > 0 if the length of a spring is zero, because the direction of its force is then undefined.
@@ -115,7 +109,7 @@ contains
         type(context_type), intent(inout) :: context
         real(wp), intent(inout) :: force(:)
         integer, intent(inout) :: stat
-        real(wp) :: d(3), d1(3), u(3), g(0:2), length, rate, tension
+        real(wp) :: d(3), d1(3), u(3), length, rate, tension
         integer :: i
 
         do i = 1, self%n
@@ -129,12 +123,7 @@ contains
                 end if
                 u = d/length
                 rate = u(1)*d1(1) + u(2)*d1(2) + u(3)*d1(3)
-                tension = spring%stiffness*(length - spring%length) + spring%damping*rate
-                if (spring%motion > 0) tension = tension + context%f(0, spring%motion)
-                if (spring%law > 0) then
-                    call context%laws(spring%law)%law%evaluate(context%t, length, rate, g)
-                    tension = tension + g(0)
-                end if
+                tension = force_along(spring%force, self%numbers(:, i), context, length, rate)
                 u = tension*u
                 call add_force(context%pose(spring%vector%first), spring%vector%s1, u, force)
                 u = -u
@@ -161,21 +150,6 @@ contains
         end do
     end subroutine add_force
 
-    pure subroutine add_rates(self, context, force, stat)
-        class(spring_kind_type), intent(inout) :: self
-        type(context_type), intent(inout) :: context
-        real(wp), intent(inout) :: force(:)
-        integer, intent(inout) :: stat
-        type(spring_kind_type) :: rates
-
-        if (self%n == 0) return
-        rates%n = self%n
-        allocate (rates%list, source=self%list)
-        rates%list%stiffness = 0.0_wp
-        rates%list%damping = 0.0_wp
-        call rates%add_forces(context, force, stat)
-    end subroutine add_rates
-
     !> Energy k (l - l0)^2/2.
     pure subroutine add_energy(self, context, energy)
         class(spring_kind_type), intent(inout) :: self
@@ -185,7 +159,7 @@ contains
 
         do i = 1, self%n
             associate (spring => self%list(i))
-                energy = energy + spring%stiffness*(norm2(vector_between(spring%vector, context%pose, 0)) - spring%length)**2/2
+                energy = energy + energy_along(self%numbers(:, i), norm2(vector_between(spring%vector, context%pose, 0)))
             end associate
         end do
     end subroutine add_energy
@@ -196,7 +170,7 @@ contains
         type(context_type), intent(inout) :: context
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: d(3, 0:1), gradient(n_local, 0:1), second(n_local, n_local), length, rate, tension(0:2), g(0:2)
+        real(wp) :: d(3, 0:1), gradient(n_local, 0:1), second(n_local, n_local), length, rate
         integer :: i
 
         do i = first, last
@@ -212,28 +186,11 @@ contains
                 gradient(:, 1) = (gradient(:, 1) - rate*gradient(:, 0))/length
                 call add_outer(-1.0_wp, gradient(:, 0), gradient(:, 0), second)
                 second = second/length
-                tension = [spring%stiffness*(length - spring%length) + spring%damping*rate, spring%stiffness, spring%damping]
-                if (spring%motion > 0) tension(0) = tension(0) + context%f(0, spring%motion)
-                if (spring%law > 0) then
-                    call context%laws(spring%law)%law%evaluate(context%t, length, rate, g)
-                    tension = tension + g
-                end if
                 call put_force(need, columns(context%pose(spring%vector%first), context%pose(spring%vector%second)), gradient, &
-                    second, tension, derivatives)
+                    second, slopes_along(spring%force, self%numbers(:, i), context, length, rate), derivatives)
             end associate
         end do
     end subroutine differentiate
-
-    pure real(wp) function stiffest(self, mass, inertia) result(square)
-        class(spring_kind_type), intent(in) :: self
-        real(wp), intent(in) :: mass, inertia
-        integer :: i
-
-        square = 0.0_wp
-        do i = 1, self%n
-            square = max(square, self%list(i)%stiffness/mass)
-        end do
-    end function stiffest
 
     subroutine list_quantities(self, sensor, list)
         class(spring_kind_type), intent(in) :: self
@@ -254,23 +211,15 @@ contains
         type(context_type), intent(inout) :: context
         real(wp), intent(in) :: lambda(:)
         real(wp), intent(out) :: values(most_measured), power
-        real(wp) :: d(3), g(0:2), length, rate, given, rest, tension
+        real(wp) :: d(3), length, rate, tension
 
         associate (spring => self%list(number))
             d = vector_between(spring%vector, context%pose, 0)
             length = norm2(d)
             if (length > 0.0_wp) d = d/length
             rate = dot_product(d, vector_between(spring%vector, context%pose, 1))
-            given = 0.0_wp
-            if (spring%motion > 0) given = context%f(0, spring%motion)
-            if (spring%law > 0) then
-                call context%laws(spring%law)%law%evaluate(context%t, length, rate, g)
-                given = given + g(0)
-            end if
-            rest = spring%damping*rate + given
-            tension = spring%stiffness*(length - spring%length) + rest
-            power = -rest*rate
-            values = [tension, -tension*d, length, rate, spring%stiffness*(length - spring%length)**2/2, power]
+            call measure_along(spring%force, self%numbers(:, number), context, length, rate, 0.0_wp, tension, power)
+            values = [tension, -tension*d, length, rate, energy_along(self%numbers(:, number), length), power]
         end associate
     end subroutine measure
 
@@ -279,33 +228,6 @@ contains
 
         names = [character(len=9) :: 'stiffness', 'damping', 'length']
     end subroutine list_settings
-
-    pure subroutine set(self, number, setting, value)
-        class(spring_kind_type), intent(inout) :: self
-        integer, intent(in) :: number, setting
-        real(wp), intent(in) :: value
-
-        select case (setting)
-        case (1)
-            self%list(number)%stiffness = value
-        case (2)
-            self%list(number)%damping = value
-        case default
-            self%list(number)%length = value
-        end select
-    end subroutine set
-
-    subroutine pack_state(self, pack)
-        class(spring_kind_type), intent(inout) :: self
-        type(pack_type), intent(inout) :: pack
-        integer :: i
-
-        do i = 1, self%n
-            call pack%item(self%list(i)%stiffness)
-            call pack%item(self%list(i)%damping)
-            call pack%item(self%list(i)%length)
-        end do
-    end subroutine pack_state
 end module tandem_mechanism_elements_spring
 
 !> Builder procedure for springs.
@@ -319,6 +241,7 @@ contains
 
     module procedure add_spring
         type(spring_type) :: spring
+        real(wp) :: numbers(3)
         character(len=:), allocatable :: label
         integer :: k
         logical :: points(2)
@@ -328,20 +251,20 @@ contains
         if (allocated(error)) return
         call self%take_pair(label, first, second, spring%vector, points, error)
         if (allocated(error)) return
-        spring%length = self%reference_length(spring%vector)
-        if (.not. spring%length > 0.0_wp) then
+        numbers = [0.0_wp, 0.0_wp, self%reference_length(spring%vector)]
+        if (.not. numbers(3) > 0.0_wp) then
             call refuse(label//' has length zero in the reference configuration, hence no direction', 'move one of its ends', error)
             return
         end if
-        if (present(stiffness)) spring%stiffness = stiffness
-        if (present(damping)) spring%damping = damping
-        if (present(length)) spring%length = length
-        if (present(motion)) call self%take_motion(name, motion, -1, spring%motion)
-        if (present(law)) call self%take_law(law, spring%law)
+        if (present(stiffness)) numbers(1) = stiffness
+        if (present(damping)) numbers(2) = damping
+        if (present(length)) numbers(3) = length
+        if (present(motion)) call self%take_motion(name, motion, -1, spring%force%motion)
+        if (present(law)) call self%take_law(law, spring%force%law)
         k = self%kind_number('spring')
         select type (springs => self%kinds(k)%of)
         type is (spring_kind_type)
-            call springs%append(spring)
+            call springs%append(spring, numbers)
             call self%keep_name(name, of_kind + k, springs%n)
         end select
     end procedure add_spring

@@ -8,8 +8,9 @@ module tandem_mechanism_elements_torsion
     use tandem_mechanism_builder, only: builder_type
     use tandem_mechanism_context, only: context_type
     use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, is_displacement, is_rotation, &
-        measure_coordinate => measure, number_slide, subtract_force
-    use tandem_mechanism_element_kind, only: attachment_type, element_kind_type, most_measured, visit_interface, word_length
+        measure_coordinate => measure, subtract_force
+    use tandem_mechanism_coordinate_force, only: coordinate_force_type, energy_along, force_along, measure_along, slopes_along
+    use tandem_mechanism_element_kind, only: attachment_type, element_kind_type, most_measured, word_length
     use tandem_mechanism_function, only: function_type
     use tandem_mechanism_key_reader, only: anything, reader_type
     use tandem_mechanism_law, only: law_type
@@ -18,31 +19,28 @@ module tandem_mechanism_elements_torsion
     use tandem_mechanism_sensor, only: add_quantity, sensor_type
     use tandem_model, only: model_type, quantity_type
     use tandem_model_derivatives, only: derivatives_type
-    use tandem_pack, only: pack_type
     implicit none (type, external)
     private
 
     public :: torsion_kind_type, torsion_type
 
-    !> Stiffness k (N m/rad, N/m), damping c (N m s/rad, N s/m), value x0 of x at which the spring exerts no torque or force (rad,
-    !> m); indices of the function u(t) and of the force law g, 0 if none.
+    !> Force along a joint coordinate. Its numbers are stiffness k (N m/rad, N/m), damping c (N m s/rad, N s/m), and the value x0
+    !> of x at which the spring exerts no torque or force (rad, m).
     type :: torsion_type
-        type(coordinate_type) :: coordinate
         !> Index of the joint, 0 for a wheel or a coupling.
         integer :: joint = 0
-        real(wp) :: stiffness = 0.0_wp, damping = 0.0_wp, angle = 0.0_wp
-        integer :: motion = 0, law = 0
-        !> For joint friction: the reaction whose magnitude is the normal force.
+        type(coordinate_force_type) :: force = coordinate_force_type(sense=-1.0_wp)
+        !> For joint friction: the reaction whose magnitude is the normal force, and the law for a normal force of 1 N.
         type(normal_force_type) :: reaction
+        integer :: friction = 0
     end type torsion_type
 
-    !> All torsions.
+    !> All torsions; coordinate i is that of torsion i.
     type, extends(element_kind_type) :: torsion_kind_type
         type(torsion_type), allocatable, private :: list(:)
     contains
         procedure, nopass :: label, read => read_torsion, list_settings
-        procedure :: append, fit, renumber, attachment, add_forces, add_rates, add_energy, differentiate, stiffest
-        procedure :: list_quantities, measure, set, visit_coordinates, pack_state
+        procedure :: append, renumber, attachment, add_forces, add_energy, differentiate, list_quantities, measure
         procedure :: set_reaction, n_frictions, add_friction_directions, set_normal_forces
     end type torsion_kind_type
 
@@ -85,14 +83,16 @@ contains
         call reader%blame(error)
     end subroutine read_torsion
 
-    !> Append a torsion.
-    pure subroutine append(self, torsion)
+    !> Append a torsion with its numbers and its coordinate.
+    pure subroutine append(self, torsion, numbers, coordinate)
         class(torsion_kind_type), intent(inout) :: self
         type(torsion_type), intent(in) :: torsion
+        real(wp), intent(in) :: numbers(3)
+        type(coordinate_type), intent(in) :: coordinate
 
+        call self%add(numbers, [coordinate])
         if (.not. allocated(self%list)) allocate (self%list(1))
-        if (self%n == size(self%list)) self%list = [self%list, self%list]
-        self%n = self%n + 1
+        if (self%n > size(self%list)) self%list = [self%list, self%list]
         self%list(self%n) = torsion
         self%counts_turns = .true.
     end subroutine append
@@ -102,22 +102,20 @@ contains
         class(torsion_kind_type), intent(inout) :: self
         type(normal_force_type), intent(in) :: reaction
 
-        self%list(self%n)%reaction = reaction
+        if (reaction%n == 0) return
+        associate (it => self%list(self%n))
+            it%reaction = reaction
+            it%friction = it%force%law
+            it%force%law = 0
+        end associate
     end subroutine set_reaction
 
-    pure subroutine fit(self)
+    pure subroutine renumber(self, n_holonomic)
         class(torsion_kind_type), intent(inout) :: self
-
-        if (self%n > 0) self%list = self%list(:self%n)
-    end subroutine fit
-
-    pure subroutine renumber(self, n_bodies, n_holonomic)
-        class(torsion_kind_type), intent(inout) :: self
-        integer, intent(in) :: n_bodies, n_holonomic
+        integer, intent(in) :: n_holonomic
         integer :: i
 
         do i = 1, self%n
-            call number_slide(self%list(i)%coordinate, n_bodies)
             associate (rows => self%list(i)%reaction%rows)
                 where (rows < 0) rows = n_holonomic - rows
             end associate
@@ -129,51 +127,30 @@ contains
         integer, intent(in) :: number
         type(attachment_type) :: attachment
 
-        associate (it => self%list(number))
-            attachment%body = [it%coordinate%first, it%coordinate%second]
-            attachment%joint = it%joint
-            attachment%slides = it%coordinate%kind == is_displacement
-            attachment%needs_multipliers = it%reaction%n > 0
+        associate (coordinate => self%coordinates(number))
+            attachment%body = [coordinate%first, coordinate%second]
+            attachment%joint = self%list(number)%joint
+            attachment%slides = coordinate%kind == is_displacement
+            attachment%needs_multipliers = self%list(number)%reaction%n > 0
+            attachment%stiffness(merge(2, 1, is_rotation(coordinate))) = self%numbers(1, number)
         end associate
     end function attachment
 
+    !> Charts add friction on reactions.
     pure subroutine add_forces(self, context, force, stat)
         class(torsion_kind_type), intent(inout) :: self
         type(context_type), intent(inout) :: context
         real(wp), intent(inout) :: force(:)
         integer, intent(inout) :: stat
-        real(wp) :: x(0:1), gradient(n_local), resistance, g(0:2)
+        real(wp) :: x(0:1), gradient(n_local), f
         integer :: i
 
         do i = 1, self%n
-            associate (torsion => self%list(i))
-                call find_slope(torsion%coordinate, context%pose, x, gradient)
-                resistance = torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1)
-                if (torsion%motion > 0) resistance = resistance - context%f(0, torsion%motion)
-                ! Charts add friction on reactions.
-                if (torsion%law > 0 .and. torsion%reaction%n == 0) then
-                    call context%laws(torsion%law)%law%evaluate(context%t, x(0), x(1), g)
-                    resistance = resistance - g(0)
-                end if
-                call subtract_force(torsion%coordinate, context%pose, resistance, gradient, force)
-            end associate
+            call find_slope(self%coordinates(i), context%pose, x, gradient)
+            f = force_along(self%list(i)%force, self%numbers(:, i), context, x(0), x(1))
+            call subtract_force(self%coordinates(i), context%pose, -f, gradient, force)
         end do
     end subroutine add_forces
-
-    pure subroutine add_rates(self, context, force, stat)
-        class(torsion_kind_type), intent(inout) :: self
-        type(context_type), intent(inout) :: context
-        real(wp), intent(inout) :: force(:)
-        integer, intent(inout) :: stat
-        type(torsion_kind_type) :: rates
-
-        if (self%n == 0) return
-        rates%n = self%n
-        allocate (rates%list, source=self%list)
-        rates%list%stiffness = 0.0_wp
-        rates%list%damping = 0.0_wp
-        call rates%add_forces(context, force, stat)
-    end subroutine add_rates
 
     !> Energy k (x - x0)^2/2.
     pure subroutine add_energy(self, context, energy)
@@ -184,8 +161,8 @@ contains
         integer :: i
 
         do i = 1, self%n
-            call measure_coordinate(self%list(i)%coordinate, context%pose, x)
-            energy = energy + self%list(i)%stiffness*(x - self%list(i)%angle)**2/2
+            call measure_coordinate(self%coordinates(i), context%pose, x)
+            energy = energy + energy_along(self%numbers(:, i), x)
         end do
     end subroutine add_energy
 
@@ -195,35 +172,23 @@ contains
         type(context_type), intent(inout) :: context
         real(wp), intent(in) :: lambda(:)
         type(derivatives_type), intent(inout) :: derivatives
-        real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), resistance(0:2), g(0:2)
+        real(wp) :: x(0:2), gradient(n_local, 0:2), second(n_local, n_local), f(0:2), g(0:2)
         integer :: i
 
         do i = first, last
-            associate (torsion => self%list(i))
-                call differentiate_coordinate(torsion%coordinate, context%pose, 1, 1, x, gradient, second)
-                resistance = [torsion%stiffness*(x(0) - torsion%angle) + torsion%damping*x(1), torsion%stiffness, torsion%damping]
-                if (torsion%motion > 0) resistance(0) = resistance(0) - context%f(0, torsion%motion)
-                if (torsion%law > 0) then
-                    call context%laws(torsion%law)%law%evaluate(context%t, x(0), x(1), g)
-                    if (torsion%reaction%n > 0) g = normal_force(torsion%reaction, lambda)*g
-                    resistance = resistance - g
+            associate (torsion => self%list(i), coordinate => self%coordinates(i))
+                call differentiate_coordinate(coordinate, context%pose, 1, 1, x, gradient, second)
+                f = slopes_along(torsion%force, self%numbers(:, i), context, x(0), x(1))
+                if (torsion%friction > 0) then
+                    call context%laws(torsion%friction)%law%evaluate(context%t, x(0), x(1), g)
+                    g = normal_force(torsion%reaction, lambda)*g
+                    f = f + g
                 end if
-                call put_force(need, columns(context%pose(torsion%coordinate%first), context%pose(torsion%coordinate%second)), &
-                    gradient(:, 0:1), second, resistance, derivatives)
+                call put_force(need, columns(context%pose(coordinate%first), context%pose(coordinate%second)), &
+                    gradient(:, 0:1), second, -f, derivatives)
             end associate
         end do
     end subroutine differentiate
-
-    pure real(wp) function stiffest(self, mass, inertia) result(square)
-        class(torsion_kind_type), intent(in) :: self
-        real(wp), intent(in) :: mass, inertia
-        integer :: i
-
-        square = 0.0_wp
-        do i = 1, self%n
-            square = max(square, self%list(i)%stiffness/merge(inertia, mass, is_rotation(self%list(i)%coordinate)))
-        end do
-    end function stiffest
 
     subroutine list_quantities(self, sensor, list)
         class(torsion_kind_type), intent(in) :: self
@@ -243,29 +208,24 @@ contains
         call add_quantity(sensor, list, 0, 'power', 'W', 'power of its dampers, laws and functions of time')
     end subroutine list_quantities
 
-    !> The power of the part without a potential is this part times the rate.
     pure subroutine measure(self, number, context, lambda, values, power)
         class(torsion_kind_type), intent(inout) :: self
         integer, intent(in) :: number
         type(context_type), intent(inout) :: context
         real(wp), intent(in) :: lambda(:)
         real(wp), intent(out) :: values(most_measured), power
-        real(wp) :: x(0:2), gradient(n_local, 0:2), g(0:2), given, rest
+        real(wp) :: x(0:2), gradient(n_local, 0:2), g(0:2), friction
 
-        associate (torsion => self%list(number))
-            call differentiate_coordinate(torsion%coordinate, context%pose, 1, 0, x, gradient)
-            given = 0.0_wp
-            if (torsion%motion > 0) given = context%f(0, torsion%motion)
-            if (torsion%law > 0) then
-                call context%laws(torsion%law)%law%evaluate(context%t, x(0), x(1), g)
-                if (torsion%reaction%n > 0) g(0) = normal_force(torsion%reaction, lambda)*g(0)
-                given = given + g(0)
+        associate (torsion => self%list(number), numbers => self%numbers(:, number))
+            call differentiate_coordinate(self%coordinates(number), context%pose, 1, 0, x, gradient)
+            friction = 0.0_wp
+            if (torsion%friction > 0) then
+                call context%laws(torsion%friction)%law%evaluate(context%t, x(0), x(1), g)
+                friction = normal_force(torsion%reaction, lambda)*g(0)
             end if
-            rest = -torsion%damping*x(1) + given
-            power = rest*x(1)
             values = 0.0_wp
-            values(1:5) = [-torsion%stiffness*(x(0) - torsion%angle) + rest, x(0), x(1), &
-                torsion%stiffness*(x(0) - torsion%angle)**2/2, power]
+            call measure_along(torsion%force, numbers, context, x(0), x(1), friction, values(1), power)
+            values(2:5) = [x(0), x(1), energy_along(numbers, x(0)), power]
         end associate
     end subroutine measure
 
@@ -274,45 +234,6 @@ contains
 
         names = [character(len=9) :: 'stiffness', 'damping', 'angle']
     end subroutine list_settings
-
-    pure subroutine set(self, number, setting, value)
-        class(torsion_kind_type), intent(inout) :: self
-        integer, intent(in) :: number, setting
-        real(wp), intent(in) :: value
-
-        select case (setting)
-        case (1)
-            self%list(number)%stiffness = value
-        case (2)
-            self%list(number)%damping = value
-        case default
-            self%list(number)%angle = value
-        end select
-    end subroutine set
-
-    pure subroutine visit_coordinates(self, visit, context)
-        class(torsion_kind_type), intent(inout) :: self
-        procedure(visit_interface) :: visit
-        type(context_type), intent(in) :: context
-        integer :: i
-
-        do i = 1, self%n
-            call visit(self%list(i)%coordinate, context%pose, context%f)
-        end do
-    end subroutine visit_coordinates
-
-    subroutine pack_state(self, pack)
-        class(torsion_kind_type), intent(inout) :: self
-        type(pack_type), intent(inout) :: pack
-        integer :: i
-
-        do i = 1, self%n
-            call pack%item(self%list(i)%coordinate%last)
-            call pack%item(self%list(i)%stiffness)
-            call pack%item(self%list(i)%damping)
-            call pack%item(self%list(i)%angle)
-        end do
-    end subroutine pack_state
 
     !> Number of frictions on reactions.
     pure integer function n_frictions(self)
@@ -336,9 +257,9 @@ contains
             associate (torsion => self%list(i))
                 if (torsion%reaction%n == 0) cycle
                 k = k + 1
-                call find_slope(torsion%coordinate, context%pose, x, gradient)
-                call context%laws(torsion%law)%law%evaluate(context%t, x(0), x(1), g)
-                call subtract_force(torsion%coordinate, context%pose, -g(0), gradient, directions(:, k))
+                call find_slope(self%coordinates(i), context%pose, x, gradient)
+                call context%laws(torsion%friction)%law%evaluate(context%t, x(0), x(1), g)
+                call subtract_force(self%coordinates(i), context%pose, -g(0), gradient, directions(:, k))
             end associate
         end do
     end subroutine add_friction_directions
@@ -377,26 +298,27 @@ contains
 
     module procedure add_torsion
         type(torsion_type) :: torsion
+        real(wp) :: numbers(3)
         character(len=:), allocatable :: label
-        integer :: k, type_of, number
+        integer :: coordinate, k, type_of, number
 
         label = 'torsion '//trim(name)
         call self%check_name(name, label, error)
         if (allocated(error)) return
-        call self%find_coordinate(label, joint, k, error)
+        call self%find_coordinate(label, joint, coordinate, error)
         if (allocated(error)) return
-        torsion%coordinate = self%at%coordinates(k)
         call self%find_element(joint(:index(joint//'.', '.') - 1), type_of, number)
         if (type_of == of_joint) torsion%joint = number
-        if (present(angle)) torsion%angle = angle
-        if (present(stiffness)) torsion%stiffness = stiffness
-        if (present(damping)) torsion%damping = damping
-        if (present(motion)) call self%take_motion(name, motion, -1, torsion%motion)
-        if (present(law)) call self%take_law(law, torsion%law)
+        numbers = 0.0_wp
+        if (present(stiffness)) numbers(1) = stiffness
+        if (present(damping)) numbers(2) = damping
+        if (present(angle)) numbers(3) = angle
+        if (present(motion)) call self%take_motion(name, motion, -1, torsion%force%motion)
+        if (present(law)) call self%take_law(law, torsion%force%law)
         k = self%kind_number('torsion')
         select type (torsions => self%kinds(k)%of)
         type is (torsion_kind_type)
-            call torsions%append(torsion)
+            call torsions%append(torsion, numbers, self%at%coordinates(coordinate))
             call self%keep_name(name, of_kind + k, torsions%n)
         end select
     end procedure add_torsion
