@@ -232,6 +232,7 @@ contains
                 crossing%tried_error = huge(1.0_wp)
                 crossing%tried_for = record%t
             end if
+            if (self%state%t > crossing%turned_off_until) crossing%turned_off = huge(1.0_wp)
             is_falling = (is_falling .and. record%error < falls*crossing%tried_error) .or. &
                 crossing%rate*(record%t - crossing%recent%t(1)) > close*self%chart%best_independence
             crossing%tried_error = min(crossing%tried_error, record%error)
@@ -404,6 +405,8 @@ contains
         logical, intent(out) :: is_accepted
         !> Error of the states due to the steps between them, in tolerances.
         real(wp), parameter :: of_steps = 0.3_wp
+        !> Where an earlier try found that the motion turns off, errors must be smaller than this part of what it found.
+        real(wp), parameter :: surely_less = 0.1_wp
         real(wp) :: moved, errors(3), norm
         type(measure_type) :: measure
         integer :: i, rows(3), stat
@@ -439,7 +442,7 @@ contains
             call self%chart%measure(need_independence, self%state%t, self%state%q, state%t, state%q, state%qd, measure, stat)
             if (stat /= status_ok .or. .not. measure%independence > 0.2_wp*crossing%rate*(state%t - record%t)) return
             crossing%obstacle = 'the extrapolated motion does not satisfy the constraints'
-            if (.not. stays_near(self)) return
+            if (.not. stays_near(self) .or. crossing%spread > surely_less*crossing%turned_off) return
             call self%chart%find_errors(state%t, state%q, state%qd, state%qdd, errors, rows, stat)
             is_accepted = stat == status_ok .and. maxval(errors) <= self%options%constraint_tolerance
             ! The states lie on neighbouring motions, which differ by the errors of the steps between them.
@@ -467,13 +470,18 @@ contains
                 call crossing%curve%evaluate(t, there%q, there%qd, there%qdd)
                 there%dq(:) = there%q
                 call self%chart%project(t, there%q, there%qd, .true., stat, exactly=.true.)
-                if (stat /= status_ok) exit
+                stays_near = stat == status_ok
+                if (.not. stays_near) return
                 there%dq(:) = there%q - there%dq
                 there%dqd(:) = 0.0_wp
                 distance = self%local_error%largest_part(crossing%trial, there%dq, there%dqd)
                 stays_near = distance <= crossing%spread + rounding .and. distance <= grows*min(last_distance, 1.0_wp) + &
                     rounding*(1.0_wp + self%model%largest_on_scales(there%q))
-                if (.not. stays_near) return
+                if (.not. stays_near) then
+                    crossing%turned_off = min(crossing%turned_off, distance)
+                    crossing%turned_off_until = crossing%record%t_to
+                    return
+                end if
                 last_distance = distance
             end do
         end associate

@@ -37,6 +37,9 @@ module tandem_simulate_crossing_data
         character(len=obstacle_length) :: obstacle = ''
         !> Smallest error of the tries before, and the configuration to which they belong.
         real(wp) :: tried_error = huge(1.0_wp), tried_for = -huge(1.0_wp)
+        !> Smallest distance from the constraints, relative to s + |y|, by which tries found that the motion turns off, and the end of
+        !> the last of them.
+        real(wp) :: turned_off = huge(1.0_wp), turned_off_until = -huge(1.0_wp)
         !> The crossing in progress, and the rate of the independence at its configuration.
         type(crossing_record_type) :: record
         real(wp) :: rate = 0.0_wp
@@ -113,6 +116,7 @@ contains
         if (.not. self%is_on) return
         call self%recent%pack_state(pack)
         call pack%item(self%tried_at, self%tried_error, self%tried_for)
+        call pack%item(self%turned_off, self%turned_off_until)
         call pack%item(self%obstacle)
         call pack%item(self%is_last_step, self%starts)
         call pack%item(self%record%error)

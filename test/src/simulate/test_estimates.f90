@@ -35,6 +35,7 @@ contains
             new_unittest('windows-begin-anew-where-steps-differ', test_windows), &
             new_unittest('local-errors-of-fixed-steps-are-the-true-ones', test_local_errors), &
             new_unittest('local-errors-of-controlled-steps-are-the-estimates', test_controlled_errors), &
+            new_unittest('a-jump-of-coordinates-is-no-motion', test_jump), &
             new_unittest('a-breakpoint-spoils-no-window', test_breakpoint), &
             new_unittest('an-action-spoils-no-window', test_action), &
             new_unittest('few-steps-give-no-estimate', test_few_steps)]
@@ -360,6 +361,28 @@ contains
         several = simulation%statistics()
         call check_between(error, several%local_error_sum/one%local_error_sum, 0.9_wp, 1.1_wp, 'sum measured anew')
     end subroutine test_controlled_errors
+
+    !> Free fall from rest over 100 m in one step is a motion, a turn by 80 rad in a step of 0.2 ms is none.
+    subroutine test_jump(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(local_error_type) :: local
+        type(state_type) :: start, arrived
+
+        call start%allocate(2)
+        call arrived%allocate(2)
+        call local%initialize([1.0_wp, 2.0_wp], 1.0_wp, .true.)
+        start%q(:) = [0.0_wp, 500.0_wp]
+        start%qd(:) = [3.0_wp, 0.0_wp]
+        arrived%t = 4.5_wp
+        arrived%qd(:) = start%qd - [0.0_wp, 9.81_wp*arrived%t]
+        arrived%q(:) = start%q + arrived%t*(start%qd + arrived%qd)/2
+        call check_true(error, .not. local%has_jumped(start, arrived), 'free fall')
+        if (allocated(error)) return
+        arrived%t = 2.0e-4_wp
+        arrived%qd(:) = start%qd
+        arrived%q(:) = [80.0_wp, 500.0_wp]
+        call check_true(error, local%has_jumped(start, arrived), 'a jump')
+    end subroutine test_jump
 
     !> Within 4 s before and after the vehicle's kink at 2 pi the errors are of the same size; a window across it would show the
     !> jump of the steering's acceleration, h**2 times 0.017.
