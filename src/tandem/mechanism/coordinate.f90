@@ -298,7 +298,7 @@ contains
     pure subroutine differentiate_coordinate(self, pose, last, gradients, x, gradient, second, turns)
         type(coordinate_type), intent(inout) :: self
         type(pose_type), intent(in) :: pose(0:)
-        !> Highest derivatives along the motion, of x and of its gradient, 0 to 2.
+        !> Highest derivatives along the motion, of x and of its gradient, 0 to 2; -1 if the gradient is not needed.
         integer, intent(in) :: last, gradients
         !> x and its first and second derivatives.
         real(wp), intent(inout) :: x(0:2)
@@ -400,6 +400,7 @@ contains
         curve = cmplx(c(2), s(2), wp)*inv_z
         x(1) = aimag(rate)
         x(2) = aimag(curve - rate**2)
+        if (gradients < 0) return
         ! z_q/z. Products are written out, because complex multiplication calls a library procedure that checks for infinities.
         re = real(inv_z)*c_q(:, 0) - aimag(inv_z)*s_q(:, 0)
         im = aimag(inv_z)*c_q(:, 0) + real(inv_z)*s_q(:, 0)
@@ -456,6 +457,7 @@ contains
         c(0) = sqrt(g(0)**2 + h(0)**2)
         c(1) = (g(0)*g(1) + h(0)*h(1))/c(0)
         c(2) = (g(1)**2 + h(1)**2 + g(0)*g(2) + h(0)*h(2) - c(1)**2)/c(0)
+        if (gradients < 0) return
         c_q(:, 0) = (g(0)*g_q(:, 0) + h(0)*h_q(:, 0))/c(0)
         if (gradients > 0) c_q(:, 1) = (g(1)*g_q(:, 0) + g(0)*g_q(:, 1) + h(1)*h_q(:, 0) + h(0)*h_q(:, 1) - c(1)*c_q(:, 0))/c(0)
         if (gradients > 1) c_q(:, 2) = (g(2)*g_q(:, 0) + 2*g(1)*g_q(:, 1) + g(0)*g_q(:, 2) + h(2)*h_q(:, 0) + 2*h(1)*h_q(:, 1) + &

@@ -25,15 +25,11 @@ contains
         type(context_type), intent(in) :: context
         !> Coordinate and its rate.
         real(wp), intent(in) :: x, v
-        real(wp) :: g(0:2)
 
         f = 0.0_wp
         if (.not. context%only_rates) f = it%sense*(numbers(1)*(x - numbers(3)) + numbers(2)*v)
         if (it%motion > 0) f = f + context%f(0, it%motion)
-        if (it%law > 0) then
-            call context%laws(it%law)%law%evaluate(context%t, x, v, g)
-            f = f + g(0)
-        end if
+        if (it%law > 0) f = f + context%laws(it%law)%law%force(context%t, x, v)
     end function force_along
 
     !> f, f_x and f_xd.

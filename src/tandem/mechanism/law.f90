@@ -18,6 +18,8 @@ module tandem_mechanism_law
     type, abstract :: law_type
     contains
         procedure(evaluate_interface), deferred :: evaluate
+        !> Force without its derivatives; override where these cost more.
+        procedure :: force => force_of_any
         !> Override for laws with kinks in time only: find the kinks; select the smooth piece around a time; detect variation that a
         !> step misses between the times at which it evaluates.
         procedure :: find_kinks => find_no_kinks, hold => hold_nothing, hides => hides_nothing
@@ -49,6 +51,7 @@ module tandem_mechanism_law
     contains
         procedure :: evaluate => evaluate_expression, find_kinks => find_expression_kinks, hold => hold_expression, &
             hides => expression_hides
+        procedure :: force => force_of_expression
         procedure :: by_time => expression_by_time
     end type expression_law_type
 
@@ -80,6 +83,17 @@ module tandem_mechanism_law
     end type friction_law_type
 
 contains
+
+    !> Force.
+    pure real(wp) function force_of_any(self, t, x, v) result(force)
+        class(law_type), intent(in) :: self
+        !> Time (s), coordinate (m or rad) and its rate.
+        real(wp), intent(in) :: t, x, v
+        real(wp) :: f(0:2)
+
+        call self%evaluate(t, x, v, f)
+        force = f(0)
+    end function force_of_any
 
     !> List the kinks within an interval of time; none by default.
     subroutine find_no_kinks(self, from, to, places, orders, error)
@@ -143,6 +157,17 @@ contains
         f(1) = gradient(2)
         f(2) = gradient(3)
     end subroutine evaluate_expression
+
+    pure real(wp) function force_of_expression(self, t, x, v) result(force)
+        class(expression_law_type), intent(in) :: self
+        real(wp), intent(in) :: t, x, v
+        real(wp) :: variables(3)
+
+        variables(1) = t
+        variables(2) = x
+        variables(3) = v
+        force = self%pieces%evaluate_value(variables)
+    end function force_of_expression
 
     pure real(wp) function zero_by_time(self, t, x, v) result(rate)
         class(law_type), intent(in) :: self

@@ -14,7 +14,8 @@ module tandem_mechanism_elements_coupling
     use tandem_kinds, only: sp, wp
     use tandem_mechanism_builder, only: builder_type
     use tandem_mechanism_context, only: context_type
-    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, is_angle, is_rotation, measure_apart, pi
+    use tandem_mechanism_coordinate, only: coordinate_type, differentiate_coordinate, find_slope, is_angle, &
+        is_rotation, measure_apart, pi
     use tandem_mechanism_element_keys, only: text_length
     use tandem_mechanism_element_kind, only: constraint_type, element_kind_type, word_length
     use tandem_mechanism_function, only: function_type
@@ -223,9 +224,12 @@ contains
         integer, intent(inout) :: stat
         real(wp) :: x(0:2), sum(0:2), c(0:2), gradient(n_local, 0:2), counted
         type(turns_type) :: turns
-        integer :: i, k, last
+        integer :: i, k, last, gradients
+        logical :: needs_slopes
 
         last = merge(2, 0, iand(need, need_gamma) /= 0)
+        gradients = merge(0, -1, iand(need, need_jacobian) /= 0)
+        needs_slopes = gradients == 0 .and. iand(need, need_phi + need_gamma) == 0
         do i = 1, self%n
             associate (it => self%list(i))
                 if (terms%is_compressed .and. iand(need, need_jacobian) /= 0) terms%jacobian(it%row, :) = 0.0_wp
@@ -243,10 +247,14 @@ contains
                             call add_turns(turns, factor, counted)
                             cycle
                         end if
-                        x = 0.0_wp
-                        call differentiate_coordinate(coordinate, context%pose, last, 0, x, gradient, turns=counted)
-                        sum = sum + factor*x
-                        call add_turns(turns, factor, counted)
+                        if (needs_slopes) then
+                            call find_slope(coordinate, context%pose, x(0:1), gradient(:, 0))
+                        else
+                            x = 0.0_wp
+                            call differentiate_coordinate(coordinate, context%pose, last, gradients, x, gradient, turns=counted)
+                            sum = sum + factor*x
+                            call add_turns(turns, factor, counted)
+                        end if
                         if (iand(need, need_jacobian) /= 0) call add_row(columns_of_c(context%pose(coordinate%first), &
                             context%pose(coordinate%second)), factor, gradient(:, 0), it%row, terms%jacobian)
                     end associate
