@@ -5,10 +5,11 @@
 Usage: tools/compare_imports.py [--states N] [--run] [TEXT...]      files whose paths contain a text; all without
        tools/compare_imports.py --damage N [--seed K] [TEXT...]     N of the files, damaged
 
-Installs dm-control, gymnasium, gymnasium-robotics, mujoco, example-robot-data, pin and h5py from PyPI into build/robots (600 MB), or takes
-the environment that ROBOTS names. The program is build/tandem, or what TANDEM names. Files that are not robots are omitted: those without
-joints, and parts that other files include. Prints a line for each file; exit code 1 if an acceleration differs by more than 1e-9 or, with
---run, a run with `auto` and rtol 1e-6 fails. Damaged files must be imported, or refused with exit code 2 and a message, within a minute.
+Installs dm-control, gymnasium, gymnasium-robotics, mujoco, example-robot-data, pin and h5py from PyPI into build/robots (1 GB), and the
+files of brax, metaworld, playground and robosuite without what these packages require; or takes the environment that ROBOTS names. The
+program is build/tandem, or what TANDEM names. Files that are not robots are omitted: those without joints, and parts that other files
+include. Prints a line for each file; exit code 1 if an acceleration differs by more than 1e-9 or, with --run, a run with `auto` and rtol
+1e-6 fails. Damaged files must be imported, or refused with exit code 2 and a message, within a minute.
 """
 
 import argparse
@@ -22,7 +23,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 PLACE = Path(os.environ.get("ROBOTS", ROOT / "build" / "robots")).resolve()
-PACKAGES = {"mjcf": ("dm_control", "gymnasium", "gymnasium_robotics", "mujoco"), "urdf": ("cmeel.prefix/share/example-robot-data",)}
+PACKAGES = {"mjcf": ("dm_control", "gymnasium", "gymnasium_robotics", "mujoco", "brax", "metaworld", "mujoco_playground", "robosuite"),
+            "urdf": ("cmeel.prefix/share/example-robot-data",)}
 BOUND = 1e-9
 SECONDS = 300
 #: Files to be damaged are smaller (bytes); limit of an import of one (s).
@@ -37,6 +39,7 @@ def enter():
         subprocess.run([sys.executable, "-m", "venv", str(PLACE)], check=True)
         subprocess.run([str(python), "-m", "pip", "install", "-q", "dm-control", "gymnasium", "gymnasium-robotics", "mujoco", "example-robot-data",
                         "pin", "h5py"], check=True)
+        subprocess.run([str(python), "-m", "pip", "install", "-q", "--no-deps", "brax", "metaworld", "playground", "robosuite"], check=True)
     if Path(sys.prefix).resolve() != PLACE:
         os.execv(str(python), [str(python), *sys.argv])
 
