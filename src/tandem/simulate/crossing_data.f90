@@ -37,8 +37,8 @@ module tandem_simulate_crossing_data
         character(len=obstacle_length) :: obstacle = ''
         !> Smallest error of the tries before, and the configuration to which they belong.
         real(wp) :: tried_error = huge(1.0_wp), tried_for = -huge(1.0_wp)
-        !> Smallest distance from the constraints, relative to s + |y|, by which tries found that the motion turns off, and the end of
-        !> the last of them.
+        !> Smallest distance from the constraints, relative to s + |y|, by which tries found that the motion turns off; end of the
+        !> last of them.
         real(wp) :: turned_off = huge(1.0_wp), turned_off_until = -huge(1.0_wp)
         !> The crossing in progress, and the rate of the independence at its configuration.
         type(crossing_record_type) :: record

@@ -165,7 +165,7 @@ contains
                 call factor%find_unbalanced(a, mass, f, x, z, left)
                 call factor%solve(a, .true., left, self%no_rows, d, more)
                 z(:) = z + more
-                ! In exact arithmetic, `left` times d. Reactions in `left`, which do no work, would leave their rounding errors there.
+                ! In exact arithmetic, `left` times d: reactions in `left`, which do no work, would leave their rounding errors.
                 call self%pattern%multiply_mass(mass, d, left)
                 product = dot_product(d, left) + sum(self%added*d(self%massless)**2)
                 if (.not. product > least) exit
