@@ -174,7 +174,7 @@ contains
         part = min(self%fallen, chart%independence/max(chart%best_independence, tiny(1.0_wp)))
         if (min(part, self%loosened) < least_independence) then
             ! Determines the rows of the message.
-            call self%loss_ahead(chart, state%t, state%q, state%qd, min(2*self%room, h), loss)
+            if (self%is_ahead()) call self%loss_ahead(chart, state%t, state%q, state%qd, 2*self%room, loss)
             loss = merge(status_rank_deficient, status_singular_mass, part < least_independence)
         else if (0.5_wp*self%room < h .and. chart%n_dropped == 0 .and. .not. is_loss) then
             ! Redundant rows belong to linkages with symmetries, whose branches may cross where C loses two ranks at once and keeps

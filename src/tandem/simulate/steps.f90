@@ -499,7 +499,7 @@ contains
         logical, intent(out) :: is_crossed
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: t_loss, room
-        integer :: loss
+        integer :: loss, other
         logical :: is_loss, is_close
 
         is_first = .false.
@@ -522,6 +522,9 @@ contains
         end if
         call self%lost_rank%look_ahead(self%chart, self%state, self%control%h, is_loss, t_loss, loss)
         if (loss /= status_ok) then
+            ! Determines the rows of the message too.
+            if (.not. self%lost_rank%is_ahead()) call self%lost_rank%find_close(self%chart, self%state, &
+                self%model%largest_on_scales(self%state%qd), self%control%h, stop_at - self%state%t, other)
             call self%fail(loss, 'at t = '//to_text(t_loss), error)
             return
         end if
