@@ -163,14 +163,17 @@ class Models(Mechanism):
             self.near(file["bodies/b/acceleration"][0], [0, -(9/7 - 0.5*3/7)*G, 0], 1e-11)
 
     def test_a_weld_to_a_body_that_the_user_moves(self):
-        """A free bar sinks by its weight on a spring with critical damping, of frequency 1/(0.02 s * 0.95)."""
+        """A free bar sinks by its weight on a spring with critical damping, of frequency 1/(0.02 s * 0.95); it may start away from its
+        place."""
         text = '<mujoco><option gravity="0 0 -9.81"/><worldbody><body name="guide" mocap="true"/><body name="b"><freejoint/>' \
-            '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody><equality><{} body1="guide" body2="b"{}/></equality></mujoco>'
+            '<inertial pos="0 0 0" mass="2" diaginertia="1 1 1"/></body></worldbody><equality><{} body1="guide" body2="b"{}/></equality>' \
+            '<keyframe><key name="up" qpos="0 0 0.01 1 0 0 0"/></keyframe></mujoco>'
+        w = 1/(0.02*0.95)
         for kind, more in (("weld", ""), ("connect", ' anchor="0 0 0"')):
-            self.imported(text.format(kind, more))
-            with self.went("model.toml", 'results.bodies="all"', "time.end=0.05", "solver.rtol=1e-10") as file:
-                w = 1/(0.02*0.95)
-                self.near(file["bodies/b/position"][-1], [0, 0, -G/w**2*(1 - (1 + 0.05*w)*np.exp(-0.05*w))], 1e-10)
+            for z, words in ((0, []), (0.01, ["--key", "up"])):
+                self.imported(text.format(kind, more), *words)
+                with self.went("model.toml", 'results.bodies="all"', "time.end=0.05", "solver.rtol=1e-10") as file:
+                    self.near(file["bodies/b/position"][-1], [0, 0, (z + G/w**2)*(1 + 0.05*w)*np.exp(-0.05*w) - G/w**2], 1e-10)
 
     def test_a_coupling(self):
         """Two bars one of which turns twice as far, backwards."""
@@ -181,6 +184,15 @@ class Models(Mechanism):
             self.near(file["joints/a_2/angle"][:], -2*file["joints/b_2/angle"][:], 1e-10)
         self.imported(two.format('<joint joint1="a" joint2="b" polycoef="0 1 1 0 0"/>'))
         self.assertIn("nonlinear equalities", self.said)
+
+    def test_a_limit_of_actuator_forces(self):
+        """Reported for joints and tendons, whose actuators act without it."""
+        text = '<mujoco><worldbody>' + BAR.format("a", "0 0 0", "0.5 0 0", "") + '</worldbody><tendon><fixed name="cord"{}><joint joint="a" ' \
+            'coef="2"/></fixed></tendon><actuator><motor tendon="cord"/></actuator></mujoco>'
+        self.imported(text.format(""))
+        self.assertNotIn("limits of the sum", self.said)
+        self.imported(text.format(' actuatorfrcrange="-1 1"').replace("<mujoco>", '<mujoco><compiler autolimits="true"/>'))
+        self.assertIn("1 x limits of the sum of actuator forces on a joint or a tendon (cord)", self.said)
 
     def test_joints_in_one(self):
         """Several joints of a body, on which nothing acts, are one that leaves the same motions; others follow each other."""

@@ -259,8 +259,8 @@ class Drives:
                 self.losses.add("equalities of an unsupported kind", name)
 
     def loop(self, k, kind, name) -> None:
-        """A joint between points of two bodies; MuJoCo holds it by springs, and so does the scene at a body that the user moves: a body
-        may be led along any path only by springs."""
+        """A joint between points of two bodies, which MuJoCo holds by springs. So does the scene if the user moves one of them: the other
+        one need not be able to follow exactly."""
         m = self.m
         data, ids = m.eq_data[k], (int(m.eq_obj1id[k]), int(m.eq_obj2id[k]))
         if m.eq_objtype[k] == 6:

@@ -216,5 +216,4 @@ contains
             kind = 'a '//self%kinds(type_of - of_kind)%of%table()
         end select
     end function kind_of
-
 end submodule tandem_mechanism_builder_bodies

@@ -164,7 +164,6 @@ contains
         !> Time and kind of the loss; ok if steps continue.
         real(wp), intent(out) :: t
         integer, intent(out) :: loss
-
         real(wp) :: part
 
         loss = status_ok

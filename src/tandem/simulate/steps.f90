@@ -522,7 +522,7 @@ contains
         end if
         call self%lost_rank%look_ahead(self%chart, self%state, self%control%h, is_loss, t_loss, loss)
         if (loss /= status_ok) then
-            ! Determines the rows of the message too.
+            ! Determines the rows of the message.
             if (.not. self%lost_rank%is_ahead()) call self%lost_rank%find_close(self%chart, self%state, &
                 self%model%largest_on_scales(self%state%qd), self%control%h, stop_at - self%state%t, other)
             call self%fail(loss, 'at t = '//to_text(t_loss), error)

@@ -264,6 +264,8 @@ contains
         if (allocated(error)) return
         ! Locate the bushing like a joint without rows.
         joint%kind = find_kind('fixed', self%planar)
+        ! Points that are apart load it.
+        joint%may_be_open = .true.
         call self%place_joint(label, joint, first, second, error, at, axis, across)
         if (.not. allocated(error) .and. joint%first > 0) call self%need_turning_body(label, joint%first, error)
         if (.not. allocated(error) .and. joint%second > 0) call self%need_turning_body(label, joint%second, error)
