@@ -104,6 +104,7 @@ program main
     use test_null_space_kernels, only: collect_null_space_kernels
     use test_free_motion, only: collect_free_motion
     use test_tolerances, only: collect_tolerances
+    use test_within_crossings, only: collect_within_crossings
     use testdrive, only: get_argument, new_testsuite, run_selected, run_testsuite, select_suite, testsuite_type
     use, intrinsic :: iso_fortran_env, only: error_unit
     implicit none (type, external)
@@ -210,6 +211,7 @@ program main
         new_testsuite('rank_models', collect_rank_models), &
         new_testsuite('rank', collect_rank), &
         new_testsuite('crossing', collect_crossing), &
+        new_testsuite('within_crossings', collect_within_crossings), &
         new_testsuite('singular', collect_singular), &
         new_testsuite('description', collect_description), &
         new_testsuite('study', collect_study), &

@@ -127,6 +127,7 @@ contains
 
         associate (state => self%state, crossing => self%crossing)
             crossing%starts = .true.
+            crossing%is_listed = .false.
             call state%copy(crossing%trial)
             call self%move_origin(stat)
             call state%begin(t, q, qd)

@@ -42,7 +42,10 @@ contains
                 end if
             end if
             call self%chart%set_memory(crossing%memory)
-            if (is_crossed) call go_over(self)
+            if (is_crossed) then
+                crossing%is_listed = .false.
+                call go_over(self, stop_at)
+            end if
         end associate
     end procedure consider_crossing
 
@@ -330,27 +333,40 @@ contains
     end subroutine collocate
 
     !> Choose the end of the step: at least as far behind the configuration as the base before it, on the grid of fixed steps, or at
-    !> the next stop, if that is not too near.
+    !> the next stop. A stop too near the configuration, unless functions of time change there, divides the step.
     subroutine choose_end(self, distance, stop_at)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: distance, stop_at
         !> Part of the distance that may be left to the next stop; part of the best independence, and number of fixed steps, from
         !> which steps can continue: closer to the configuration, charts have a shorter reach.
         real(wp), parameter :: remainder = 0.2_wp, sound_part = 0.01_wp, fixed_steps = 2.0_wp
-        real(wp) :: behind
+        real(wp) :: behind, breakpoint, sound
 
         associate (crossing => self%crossing, record => self%crossing%record)
-            behind = max(distance, sound_part*self%chart%best_independence/crossing%rate)
+            sound = sound_part*self%chart%best_independence/crossing%rate
+            behind = max(distance, sound)
             if (.not. self%options%is_adaptive()) behind = max(behind, fixed_steps*self%options%step)
             record%t_to = record%t + behind
             if (.not. self%options%is_adaptive()) record%t_to = self%t_start + self%options%step* &
                 real(ceiling((record%t_to - self%t_start)/self%options%step, long), wp)
-            if (record%t_to + remainder*behind > stop_at) record%t_to = stop_at
+            if (record%t_to + remainder*behind > stop_at .and. stop_at - record%t >= sound) record%t_to = stop_at
+            call find_breakpoint(self, breakpoint)
+            record%t_to = min(record%t_to, breakpoint)
             if (crossing%rate*(record%t_to - record%t) >= least_part*self%chart%best_independence) return
-            crossing%obstacle = 'a stop of the steps at t = '//to_text(stop_at)//' is too near behind it'
+            crossing%obstacle = 'functions of time change at t = '//to_text(breakpoint)//', too near behind it'
             record%t_to = record%t
         end associate
     end subroutine choose_end
+
+    !> The next time at which functions of time change.
+    pure subroutine find_breakpoint(self, breakpoint)
+        class(simulation_type), intent(in) :: self
+        real(wp), intent(out) :: breakpoint
+
+        breakpoint = huge(1.0_wp)
+        if (.not. allocated(self%model%breakpoints)) return
+        if (self%model%segment <= size(self%model%breakpoints)) breakpoint = self%model%breakpoints(self%model%segment)
+    end subroutine find_breakpoint
 
     !> The state behind the configuration: the polynomial, projected onto the constraints, and corrected by the accelerations there.
     !> The correction, and the way back to the base from the state found, give the error. Near the configuration states are
@@ -572,8 +588,7 @@ contains
         associate (crossing => self%crossing)
             if (.not. crossing%is_on) return
             if (crossing%is_last_step) then
-                crossing%record%t_to = self%state%t
-                if (crossing%record%t <= self%state%t) then
+                if (crossing%record%t <= self%state%t .and. .not. crossing%is_listed) then
                     if (.not. allocated(self%crossings)) allocate (self%crossings(16))
                     if (self%n_crossings == size(self%crossings)) then
                         allocate (longer(2*self%n_crossings))
@@ -584,6 +599,7 @@ contains
                     self%crossings(self%n_crossings) = crossing%record
                     self%tally%crossings = self%tally%crossings + 1
                     self%tally%crossing_error = max(self%tally%crossing_error, crossing%record%error)
+                    crossing%is_listed = .true.
                 end if
                 ! States before the configuration may be as inaccurate as they were near.
                 call crossing%recent%forget()
@@ -592,57 +608,59 @@ contains
             else if (crossing%recent%is_full() .and. self%lost_rank%is_far() .and. modulo(self%tally%steps, far) /= 0) then
                 return
             end if
-            call crossing%note(self%state)
+            ! Within a crossing, accelerations may be those of the polynomial.
+            if (.not. crossing%starts) call crossing%note(self%state)
         end associate
     end procedure note_end
 
     module procedure look_into_crossing
+        call take_from_curve(self, t, self%state, stat)
+    end procedure look_into_crossing
+
+    !> The state at a time within the crossing.
+    subroutine take_from_curve(self, t, state, stat)
+        class(simulation_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        type(state_type), intent(inout) :: state
+        integer, intent(out) :: stat
         !> Nearer to the configuration than this part of the step, C determines the motion less well than the polynomial.
         real(wp), parameter :: near = 0.1_wp
 
-        associate (crossing => self%crossing, record => self%crossing%record, state => self%state)
+        associate (crossing => self%crossing, record => self%crossing%record)
+            state%t = t
             call crossing%curve%evaluate(t, state%q, state%qd, state%qdd)
             stat = status_ok
             if (abs(t - record%t) < near*(record%t_to - record%t_from)) return
             call self%chart%project(t, state%q, state%qd, .true., stat, exactly=.true.)
             if (stat == status_ok) call self%chart%accelerate(t, state%q, state%qd, step_end, state%qdd, stat)
         end associate
-    end procedure look_into_crossing
+    end subroutine take_from_curve
 
     module procedure leave_start
-        !> Smallest part of the step that a stop of steps may leave.
-        real(wp), parameter :: least_rest = 0.1_wp
         integer :: stat
 
-        associate (crossing => self%crossing, record => self%crossing%record, trial => self%crossing%trial)
-            if (record%t_to > stop_at) then
-                if (stop_at - record%t < least_rest*(record%t_to - record%t)) then
-                    crossing%obstacle = 'the stop of the steps at t = '//to_text(stop_at)//' is too near behind it'
-                    call self%fail(status_rank_deficient, 'at the start', error)
-                    return
-                end if
-                record%t_to = stop_at
-            end if
-            call prepare(self)
-            trial%t = record%t_to
-            call crossing%curve%evaluate(trial%t, trial%q, trial%qd, trial%qdd)
-            call self%chart%project(trial%t, trial%q, trial%qd, .true., stat, exactly=.true.)
-            if (stat == status_ok) call self%chart%accelerate(trial%t, trial%q, trial%qd, step_end, trial%qdd, stat)
-            if (stat /= status_ok) then
-                call self%fail(stat, 'in the first step, from a singular configuration', error)
-                return
-            end if
-            crossing%starts = .false.
-        end associate
-        call go_over(self)
+        call prepare(self)
+        call take_from_curve(self, self%crossing%record%t_to, self%crossing%trial, stat)
+        if (stat /= status_ok) then
+            call self%fail(stat, 'in the first step, from a singular configuration', error)
+            return
+        end if
+        self%crossing%starts = .false.
+        call go_over(self, stop_at)
     end procedure leave_start
 
-    !> Make the step: its end is the next state.
-    subroutine go_over(self)
+    !> Make the step: its end is the next state. A stop before it divides the step: the next one starts on the same polynomial.
+    subroutine go_over(self, stop_at)
         class(simulation_type), intent(inout) :: self
-        integer :: i
+        real(wp), intent(in) :: stop_at
+        integer :: i, stat
 
-        associate (next => self%next, state => self%state, trial => self%crossing%trial)
+        associate (crossing => self%crossing, next => self%next, state => self%state, trial => self%crossing%trial)
+            crossing%starts = stop_at < trial%t
+            if (crossing%starts) then
+                call take_from_curve(self, stop_at, trial, stat)
+                if (stat /= status_ok) call crossing%curve%evaluate(stop_at, trial%q, trial%qd, trial%qdd)
+            end if
             next%t = trial%t
             do i = 1, size(next%q)
                 next%q(i) = trial%q(i)

@@ -31,8 +31,9 @@ module tandem_simulate_crossing_data
         type(recent_states_type) :: recent
         !> The motion through the last configuration, or through the one ahead.
         type(state_polynomial_type) :: curve
-        !> True if it describes the last step; true if it describes the first step, from a singular configuration.
-        logical :: is_last_step = .false., starts = .false.
+        !> True if it describes the last step; true if it describes the next step, from a state at or near the configuration; true if
+        !> the configuration is listed.
+        logical :: is_last_step = .false., starts = .false., is_listed = .false.
         !> Time from which a crossing was tried last, and the reason why it was not made; blank if none was tried.
         real(wp) :: tried_at = -huge(1.0_wp)
         character(len=obstacle_length) :: obstacle = ''
@@ -98,6 +99,7 @@ contains
 
         call self%recent%forget()
         self%tried_at = -huge(1.0_wp)
+        self%starts = .false.
     end subroutine forget
 
     !> All components that later steps use.
@@ -110,7 +112,7 @@ contains
         call pack%item(self%tried_at, self%tried_error, self%tried_for)
         call pack%item(self%turned_off, self%turned_off_until)
         call pack%item(self%obstacle)
-        call pack%item(self%is_last_step, self%starts)
+        call pack%item(self%is_last_step, self%starts, self%is_listed)
         call pack%item(self%record%error)
         call pack%item(self%record%t, self%record%t_from, self%record%t_to)
         if (self%is_last_step .or. self%starts) call self%curve%pack_state(pack)

@@ -694,9 +694,9 @@ contains
             ! The paper's own iterations satisfy their own tolerances only, and the report shows the errors.
             if (self%options%refresh == 'refine') return
             allowed = self%options%constraint_tolerance
-            ! An event within a crossing has a state of the polynomial.
-            if (self%crossing%is_last_step .and. state%t < self%next%t) allowed = max(allowed, &
-                of_crossing*self%crossing%record%error)
+            ! An event or a stop within a crossing has a state of the polynomial.
+            if (self%crossing%is_last_step .and. (state%t < self%next%t .or. self%crossing%starts)) &
+                allowed = max(allowed, of_crossing*self%crossing%record%error)
             do i = 1, 3
                 if (self%errors(i) <= max(allowed, merge(self%options%position_tolerance(), 0.0_wp, i == 1))) cycle
                 call set_error(error, status_constraints_not_held, 'the '//trim(level(i))//' constraint "'// &

@@ -4,29 +4,19 @@
 module test_crossing
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_runs, only: begin, controlled
+    use linkage_turns, only: antiparallel, gravity, parallel, ratio, row, slider, turn
     use model_centric_slider, only: centric_slider_type
     use model_crank_pair, only: crank_pair_type
     use model_four_bar, only: four_bar_type
     use runs, only: choose, run
     use tandem, only: change_stepper, failure_type => error_type, long, mechanism_type, options_type, simulation_type, &
-        statistics_type, stepper_names, threshold_event_type, wp
+        statistics_type, stepper_names, wp
     use tandem_io, only: find_scene, read_scene, scene_type
-    use testdrive, only: error_type, new_unittest, test_failed, unittest_type
+    use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
 
     public :: collect_crossing
-
-    real(wp), parameter :: gravity = 9.81_wp
-    !> Antiparallel cranks of 1 with pivots 2 apart: tan(psi/2) = ratio tan(theta/2).
-    real(wp), parameter :: ratio = -3.0_wp
-    !> Accelerations of the single degree of freedom.
-    integer, parameter :: parallel = 1, antiparallel = 2, slider = 3, row = 4
-
-    !> State of a run.
-    type :: saved_type
-        integer(long), allocatable :: words(:)
-    end type saved_type
 
 contains
 
@@ -44,62 +34,9 @@ contains
             new_unittest('a-linkage-that-only-comes-near-turns-off', test_near), &
             new_unittest('a-run-may-stop-there-instead', test_stop), &
             new_unittest('a-motion-that-turns-around-there', test_slow), &
-            new_unittest('the-motion-within-a-crossing', test_within), &
-            new_unittest('an-event-within-a-crossing', test_event), &
-            new_unittest('a-resumed-run-crosses-alike', test_resumption), &
             new_unittest('a-start-in-a-singular-configuration', test_start), &
             new_unittest('a-start-between-branches-is-refused', test_undetermined_start)]
     end subroutine collect_crossing
-
-    !> The angle and its rate at a time from those at the start, by 20000 steps of RK4 per unit of time; error below 1e-12.
-    subroutine turn(kind, t, angle, rate, c)
-        integer, intent(in) :: kind
-        real(wp), intent(in) :: t
-        real(wp), intent(inout) :: angle, rate
-        !> Factor of the acceleration of `row`.
-        real(wp), intent(in), optional :: c
-        real(wp), parameter :: per_time = 2.0e4_wp
-        real(wp) :: y(2), k(2, 4), h
-        integer :: i, n
-
-        n = max(1, ceiling(t*per_time))
-        h = t/n
-        y = [angle, rate]
-        do i = 1, n
-            k(:, 1) = slope(y)
-            k(:, 2) = slope(y + h/2*k(:, 1))
-            k(:, 3) = slope(y + h/2*k(:, 2))
-            k(:, 4) = slope(y + h*k(:, 3))
-            y = y + h/6*(k(:, 1) + 2*k(:, 2) + 2*k(:, 3) + k(:, 4))
-        end do
-        angle = y(1)
-        rate = y(2)
-
-    contains
-
-        pure function slope(y) result(yd)
-            real(wp), intent(in) :: y(2)
-            real(wp) :: yd(2), s, d, dd, psi
-            type(centric_slider_type) :: model
-
-            yd(1) = y(2)
-            select case (kind)
-            case (parallel)
-                yd(2) = -gravity*cos(y(1))
-            case (slider)
-                yd(2) = model%angular_acceleration(y(1), y(2))
-            case (row)
-                yd(2) = c*sin(y(1))
-            case default
-                ! (1 + psi'^2) a'' + psi' psi'' a'^2 = -g (cos a + psi' cos psi), primes of psi by a.
-                s = cos(y(1)/2)**2 + ratio**2*sin(y(1)/2)**2
-                d = ratio/s
-                dd = -ratio*(ratio**2 - 1)*sin(y(1)/2)*cos(y(1)/2)/s**2
-                psi = 2*atan2(ratio*sin(y(1)/2), cos(y(1)/2))
-                yd(2) = -(d*dd*y(2)**2 + gravity*(cos(y(1)) + d*cos(psi)))/(1 + d**2)
-            end select
-        end function slope
-    end subroutine turn
 
     !> The state of antiparallel cranks.
     subroutine place_antiparallel(angle, rate, q, qd)
@@ -402,159 +339,6 @@ contains
         end do
         call check_true(error, n_named <= 2, 'most motions are passed')
     end subroutine test_slow
-
-    !> States within crossings are as accurate as others, and satisfy the constraints.
-    subroutine test_within(error)
-        type(error_type), allocatable, intent(out) :: error
-        type(crank_pair_type), target :: model
-        type(simulation_type) :: simulation
-        type(failure_type), allocatable :: failure
-        type(options_type) :: options
-        real(wp) :: q(4), qd(4), angle, rate, t
-        integer :: i, n_before
-
-        call model%define()
-        call model%start(1.0_wp, -6.0_wp, q, qd)
-        options = choose(stepper='dop853')
-        call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
-        call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
-        call check_no_failure(error, failure)
-        if (allocated(error)) return
-        do while (simulation%n_crossings < 3)
-            n_before = simulation%n_crossings
-            call simulation%step(3.0_wp, failure)
-            call check_no_failure(error, failure)
-            if (allocated(error)) return
-            if (simulation%n_crossings == n_before) cycle
-            associate (record => simulation%crossings(simulation%n_crossings))
-                call check_true(error, record%t_from < record%t .and. record%t < record%t_to, 'the order of the times')
-                do i = 0, 20
-                    t = record%t_from + (record%t_to - record%t_from)*i/20
-                    if (i == 10) t = record%t
-                    call simulation%look_at(t, failure)
-                    call check_no_failure(error, failure)
-                    angle = 1.0_wp
-                    rate = -6.0_wp
-                    call turn(parallel, t, angle, rate)
-                    call model%start(angle, rate, q, qd)
-                    call check_close(error, simulation%state%q, q, 1.0e-7_wp, 'q within the crossing')
-                    call check_close(error, simulation%state%qd, qd, 1.0e-7_wp, 'qd within the crossing')
-                    call check_below(error, maxval(simulation%errors(1:2)), 1.0e-9_wp, 'constraint errors within the crossing')
-                    if (allocated(error)) return
-                end do
-                call simulation%look_back()
-            end associate
-        end do
-    end subroutine test_within
-
-    !> An event at 1e-4 rad from the flat position, on either side, is found.
-    subroutine test_event(error)
-        type(error_type), allocatable, intent(out) :: error
-        type(crank_pair_type), target :: model
-        type(simulation_type) :: simulation
-        type(threshold_event_type), target :: event
-        type(failure_type), allocatable :: failure
-        type(options_type) :: options
-        real(wp) :: q(4), qd(4), angle, rate
-        integer :: i
-
-        call model%define()
-        do i = 1, 2
-            call model%start(1.0_wp, -6.0_wp, q, qd)
-            options = choose(stepper='dop853')
-            call change_stepper(options, options%stepper, rtol=1.0e-10_wp)
-            call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
-            call check_no_failure(error, failure)
-            if (allocated(error)) return
-            event%quantity = 'q'
-            event%index = 2
-            event%value = merge(1.0e-4_wp, -1.0e-4_wp, i == 1)
-            event%direction = -1
-            event%stops = .true.
-            call simulation%add_event(event)
-            call simulation%integrate(3.0_wp, failure)
-            call check_no_failure(error, failure)
-            if (allocated(error)) return
-            call check_true(error, simulation%is_stopped, 'the event stops the run')
-            angle = 1.0_wp
-            rate = -6.0_wp
-            call turn(parallel, simulation%state%t, angle, rate)
-            call check_close(error, [sin(angle)], [event%value], 1.0e-8_wp, 'the value at the event')
-        end do
-    end subroutine test_event
-
-    !> States saved after any step before, at and behind a crossing continue bitwise.
-    subroutine test_resumption(error)
-        type(error_type), allocatable, intent(out) :: error
-        type(crank_pair_type), target :: model, other
-        type(simulation_type) :: simulation, again
-        type(failure_type), allocatable :: failure
-        type(options_type) :: options
-        type(saved_type), allocatable :: saved(:), longer(:)
-        integer(long), allocatable :: expected(:), found(:)
-        real(wp) :: q(4), qd(4), t_end
-        integer :: i, k, n
-
-        call model%define()
-        call other%define()
-        do k = 1, 2
-            options = choose(stepper=merge('dop853', 'rk4   ', k == 1), step=2.0e-3_wp)
-            if (k == 1) call change_stepper(options, options%stepper, rtol=1.0e-9_wp)
-            n = merge(1, 100, k == 1)
-            call model%start(1.0_wp, -6.0_wp, q, qd)
-            call simulation%initialize(model, options, 0.0_wp, q, qd, failure)
-            call check_no_failure(error, failure)
-            if (allocated(error)) return
-            ! Every state is one to resume from, also the end of a crossing; the next crossing follows.
-            t_end = merge(0.8_wp, 2.0_wp, k == 1)
-            saved = [saved_type ::]
-            do while (simulation%state%t < t_end)
-                allocate (longer(size(saved) + 1))
-                longer(:size(saved)) = saved
-                call simulation%save_state(longer(size(longer))%words, failure)
-                call check_no_failure(error, failure)
-                call move_alloc(longer, saved)
-                call take_steps(simulation, n, t_end, error)
-                if (allocated(error)) return
-            end do
-            call check_true(error, simulation%n_crossings >= 2, 'crossings')
-            call simulation%save_state(expected, failure)
-            call check_no_failure(error, failure)
-            do i = 1, size(saved)
-                call again%initialize(other, options, 0.0_wp, q, qd, failure)
-                call check_no_failure(error, failure)
-                call again%restore_state(saved(i)%words, failure)
-                call check_no_failure(error, failure)
-                call take_steps(again, huge(1), t_end, error)
-                if (allocated(error)) return
-                call again%save_state(found, failure)
-                call check_no_failure(error, failure)
-                if (size(expected) /= size(found)) then
-                    call test_failed(error, 'the sizes differ')
-                else if (any(expected /= found)) then
-                    call test_failed(error, 'the states differ')
-                end if
-                if (allocated(error)) return
-            end do
-        end do
-    end subroutine test_resumption
-
-    !> A number of steps, or as many as there are until a time.
-    subroutine take_steps(simulation, n, t_end, error)
-        type(simulation_type), intent(inout) :: simulation
-        integer, intent(in) :: n
-        real(wp), intent(in) :: t_end
-        type(error_type), allocatable, intent(out) :: error
-        type(failure_type), allocatable :: failure
-        integer :: i
-
-        do i = 1, n
-            if (.not. simulation%state%t < t_end) exit
-            call simulation%step(t_end, failure)
-            call check_no_failure(error, failure)
-            if (allocated(error)) exit
-        end do
-    end subroutine take_steps
 
     !> Starts in the flat position continue on the branch of their velocity, resume bitwise before their first step, and end where a
     !> short run ends.
