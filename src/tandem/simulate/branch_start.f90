@@ -26,10 +26,7 @@ contains
             speed = model%largest_on_scales(qd)
             crossing%obstacle = 'the velocity is zero'
             if (.not. speed > tiny(speed)) return
-            longest = huge(1.0_wp)
-            if (allocated(model%breakpoints)) then
-                if (model%segment <= size(model%breakpoints)) longest = model%breakpoints(model%segment) - t
-            end if
+            longest = time_to_breakpoint(self, t)
             state%t = t + min(beside/speed, 0.5_wp*longest)
             state%q(:) = q + (state%t - t)*qd
             call assemble(model, request, state%t, state%q, state%qd, branch_error)
@@ -51,6 +48,40 @@ contains
             call begin_there(self, t, q, qd)
         end associate
     end procedure start_on_branch
+
+    module procedure continue_on_branch
+        !> Distance to a configuration ahead, in multiples of the one from which C determines the motion well.
+        real(wp), parameter :: ahead = 10.0_wp
+        type(crossing_record_type) :: former
+        real(wp) :: q(size(self%state%q)), qd(size(self%state%q))
+
+        associate (state => self%state, crossing => self%crossing)
+            is_done = .false.
+            former = crossing%record
+            if (.not. crossing%is_last_step .or. state%t < former%t - ahead*crossing%near .or. &
+                state%t > former%t + crossing%near) return
+            q = state%q
+            qd = state%qd
+            call choose_step(self, state%t, q, qd, self%model%largest_on_scales(qd), time_to_breakpoint(self, state%t))
+            is_done = crossing%obstacle == ''
+            if (.not. is_done) return
+            crossing%starts = .true.
+            crossing%is_listed = .false.
+            crossing%record%t = former%t
+            crossing%record%error = max(crossing%record%error, former%error)
+            call crossing%curve%evaluate(state%t, q, qd, state%qdd)
+        end associate
+    end procedure continue_on_branch
+
+    !> The time until functions of time change next.
+    pure real(wp) function time_to_breakpoint(self, t) result(left)
+        class(simulation_type), intent(in) :: self
+        real(wp), intent(in) :: t
+
+        left = huge(1.0_wp)
+        if (.not. allocated(self%model%breakpoints)) return
+        if (self%model%segment <= size(self%model%breakpoints)) left = self%model%breakpoints(self%model%segment) - t
+    end function time_to_breakpoint
 
     !> Find the length of the first step with the smallest error. `obstacle` is blank if there is one.
     subroutine choose_step(self, t, q, qd, speed, longest)
@@ -128,6 +159,7 @@ contains
         associate (state => self%state, crossing => self%crossing)
             crossing%starts = .true.
             crossing%is_listed = .false.
+            crossing%near = 0.1_wp*(crossing%record%t_to - t)
             call state%copy(crossing%trial)
             call self%move_origin(stat)
             call state%begin(t, q, qd)

@@ -18,6 +18,8 @@ submodule(tandem_simulation) tandem_simulate_crossing
 contains
 
     module procedure consider_crossing
+        !> Part of the best independence below which velocities of the polynomial are more accurate than those that C determines.
+        real(wp), parameter :: near_part = 3.0e-3_wp
         integer :: base
         logical :: is_collocated, is_nearest
 
@@ -27,7 +29,7 @@ contains
             if (.not. crossing%is_on .or. abs(crossing%tried_at - self%state%t) <= 0.0_wp) return
             crossing%tried_at = self%state%t
             crossing%obstacle = ''
-            if (crossing%recent%n < 2) return
+            if (crossing%recent%n < 1) return
             call prepare(self)
             call self%chart%get_memory(crossing%memory)
             ! The last state may be too near to have reliable accelerations.
@@ -44,6 +46,7 @@ contains
             call self%chart%set_memory(crossing%memory)
             if (is_crossed) then
                 crossing%is_listed = .false.
+                crossing%near = near_part*self%chart%best_independence/crossing%rate
                 call go_over(self, stop_at)
             end if
         end associate
@@ -623,14 +626,12 @@ contains
         real(wp), intent(in) :: t
         type(state_type), intent(inout) :: state
         integer, intent(out) :: stat
-        !> Nearer to the configuration than this part of the step, C determines the motion less well than the polynomial.
-        real(wp), parameter :: near = 0.1_wp
 
         associate (crossing => self%crossing, record => self%crossing%record)
             state%t = t
             call crossing%curve%evaluate(t, state%q, state%qd, state%qdd)
             stat = status_ok
-            if (abs(t - record%t) < near*(record%t_to - record%t_from)) return
+            if (abs(t - record%t) < crossing%near) return
             call self%chart%project(t, state%q, state%qd, .true., stat, exactly=.true.)
             if (stat == status_ok) call self%chart%accelerate(t, state%q, state%qd, step_end, state%qdd, stat)
         end associate

@@ -42,9 +42,10 @@ module tandem_simulate_crossing_data
         !> Smallest distance from the constraints, relative to s + |y|, by which tries found that the motion turns off; end of the
         !> last of them.
         real(wp) :: turned_off = huge(1.0_wp), turned_off_until = -huge(1.0_wp)
-        !> The crossing in progress, and the rate of the independence at its configuration.
+        !> The crossing in progress; the rate of the independence at its configuration; the time from it within which the polynomial
+        !> determines the motion better than C.
         type(crossing_record_type) :: record
-        real(wp) :: rate = 0.0_wp
+        real(wp) :: rate = 0.0_wp, near = 0.0_wp
         !> Its error in all directions, relative to s + |y|, and on the scales of coordinates and velocities.
         real(wp) :: spread = 0.0_wp, apart(2) = 0.0_wp
         !> Determines the motion on both sides of it.
@@ -113,7 +114,7 @@ contains
         call pack%item(self%turned_off, self%turned_off_until)
         call pack%item(self%obstacle)
         call pack%item(self%is_last_step, self%starts, self%is_listed)
-        call pack%item(self%record%error)
+        call pack%item(self%record%error, self%near)
         call pack%item(self%record%t, self%record%t_from, self%record%t_to)
         if (self%is_last_step .or. self%starts) call self%curve%pack_state(pack)
     end subroutine pack_state

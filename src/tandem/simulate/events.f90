@@ -39,7 +39,8 @@ contains
             call self%look_back()
             return
         end if
-        if (self%watch%found%n > 0 .and. self%options%is_adaptive() .and. .not. self%between%next_look < self%state%t) then
+        if (self%watch%found%n > 0 .and. self%options%is_adaptive() .and. .not. (self%between%next_look < self%state%t .or. &
+            self%crossing%is_last_step)) then
             call self%look_back()
             call self%judge_between(is_refused)
             if (is_refused) then
@@ -209,6 +210,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         real(wp) :: before(size(self%state%qd))
         integer :: rows(3), stat
+        logical :: is_done
 
         before = self%state%qd
         if (.not. (all(ieee_is_finite(self%state%q)) .and. all(ieee_is_finite(self%state%qd)))) then
@@ -225,6 +227,11 @@ contains
         call self%crossing%forget()
         call self%chart%forget(.true.)
         call self%energy%clear()
+        call self%continue_on_branch(is_done)
+        if (is_done) then
+            call self%measure_errors(error)
+            return
+        end if
         stat = status_ok
         if (self%method%implicit) then
             ! Bases of implicit steps are complements of the rows before the action. C X may be singular for rows that the action

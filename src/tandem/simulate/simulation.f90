@@ -173,7 +173,8 @@ module tandem_simulation
         procedure :: warn, add_event, save_state, restore_state
         procedure, private :: check_ready, advance, make_room, part_end, judge_between, look_for_events, act_on_events, accept_start
         procedure, private :: choose_rows_anew, has_surplus_rows, allocate_chart, allocate_stepper, renew_chart, move_origin
-        procedure, private :: consider_exchange, consider_crossing, leave_start, note_end, look_into_crossing
+        procedure, private :: consider_exchange, consider_crossing, leave_start, continue_on_branch, note_end, &
+            look_into_crossing
         procedure, private :: consider_beginning, take_stepper, set_method, measure_errors, fail, explain, compare_procedures
         procedure, private :: with_rows
         procedure :: start_clock, stop_clock
@@ -498,6 +499,14 @@ module tandem_simulation
             real(wp), intent(in) :: stop_at
             type(error_type), allocatable, intent(out) :: error
         end subroutine leave_start
+
+        !> Continue from a state within a crossing at which an event has changed the model, if its velocity belongs to one branch.
+        module subroutine continue_on_branch(self, is_done)
+            implicit none (type, external)
+            class(simulation_type), intent(inout) :: self
+            !> False if the state is not near the configuration, or no motion begins there.
+            logical, intent(out) :: is_done
+        end subroutine continue_on_branch
 
         !> Keep the end of a step for later crossings, and record the configuration that the step has passed.
         module subroutine note_end(self)

@@ -274,6 +274,8 @@ contains
             if (.not. self%options%is_adaptive() .and. &
                 self%next%t - self%state%t > 1.0e-6_wp*(self%next%t - self%start%t)) then
                 self%grid_steps = before%grid_steps
+                ! A step over a singular configuration covers several.
+                if (self%crossing%is_last_step) self%grid_steps = int((self%state%t - self%t_start)/self%options%step, long)
                 self%on_grid = .false.
             end if
         else if (allocated(error) .or. is_refused) then
