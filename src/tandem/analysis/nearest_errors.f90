@@ -44,12 +44,12 @@ contains
         stat = 0
         seed = 2718281
         do i = 1, size(values)
-            ! Conjugates have equal bounds.
+            ! The conjugate of an eigenvalue is one, and so is near the computed conjugate.
             k = 0
             if (i > 1) k = minloc(abs(values(:i - 1) - conjg(values(i))), dim=1)
             if (k > 0) then
                 if (abs(values(k) - conjg(values(i))) <= 1.0e-10_wp*abs(aimag(values(i)))) then
-                    first(i) = first(k)
+                    first(i) = first(k) + abs(values(k) - conjg(values(i)))
                     cycle
                 end if
             end if
