@@ -24,12 +24,12 @@ module tandem_simulate_collocation
         real(wp), allocatable, private :: q0(:), qd0(:)
         !> Accelerations and velocities at the times (n, most).
         real(wp), allocatable, private :: qdd(:, :), qd(:, :)
-        !> Time i is a weighted sum of accelerations: qd(t_i) = qd0 + sum_j weights(i, j) qdd(t_j).
+        !> Velocities are sums of accelerations: qd(t_i) = qd0 + sum_j weights(i, j) qdd(t_j).
         real(wp), private :: weights(most, most) = 0.0_wp
         !> True if the first time is the start.
         logical, private :: has_start = .false.
     contains
-        procedure :: begin, predict, iterate, find_difference
+        procedure :: begin, iterate, find_difference
     end type collocation_type
 
 contains
@@ -41,7 +41,6 @@ contains
         real(wp), intent(in) :: t0, q0(:), qd0(:), times(:)
         !> The acceleration at the start (n), if C has its rank there.
         real(wp), intent(in), optional :: qdd0(:)
-        integer :: i, k
 
         if (.not. allocated(self%q0)) then
             allocate (self%q0(size(q0)), self%qd0(size(q0)), self%qdd(size(q0), most), self%qd(size(q0), most))
@@ -58,58 +57,69 @@ contains
             self%qdd(:, 1) = qdd0
         end if
         self%t(self%n - size(times) + 1:self%n) = times
-        self%weights(:, :) = 0.0_wp
-        do i = 1, self%n
-            do k = 1, size(quadrature_nodes)
-                self%weights(i, :) = self%weights(i, :) + (self%t(i) - t0)*quadrature_weights(k)* &
-                    lagrange(self, t0 + quadrature_nodes(k)*(self%t(i) - t0), 0, 0)
-            end do
-        end do
     end subroutine begin
 
-    !> The first guess of the accelerations: those of another polynomial.
-    subroutine predict(self, curve, work)
-        class(collocation_type), intent(inout) :: self
-        type(state_polynomial_type), intent(inout) :: curve
-        !> Work space.
-        type(state_type), intent(inout) :: work
-        integer :: i
-
-        do i = 1, self%n
-            if (i == 1 .and. self%has_start) cycle
-            call curve%evaluate(self%t(i), work%q, work%qd, work%qdd)
-            self%qdd(:, i) = work%qdd
-        end do
-    end subroutine predict
-
-    !> Iterate until the accelerations no longer change, or changes no longer fall.
-    subroutine iterate(self, chart, local_error, curve, state, work, change, off, stat)
+    !> Iterate until the accelerations no longer change, or changes no longer fall. The first iterations include the times
+    !> successively, so that each is predicted from near ones.
+    subroutine iterate(self, chart, local_error, n_first, curve, state, work, change, off, stat)
         class(collocation_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(local_error_type), intent(in) :: local_error
+        !> Number of times, with the start, in the first iteration.
+        integer, intent(in) :: n_first
         !> The polynomial.
         type(state_polynomial_type), intent(inout) :: curve
         !> The state at the last time, on the manifold; work space. Both are allocated.
         type(state_type), intent(inout) :: state, work
-        !> The last change, and the largest distance of the polynomial from the manifold, relative to s + |y|.
+        !> What is left of the changes, as they fall, and the largest distance of the polynomial from the manifold, both relative to
+        !> s + |y|.
         real(wp), intent(out) :: change, off
         !> Ok, or the status of an evaluation that has failed.
         integer, intent(out) :: stat
-        integer, parameter :: most_passes = 12
-        !> Relative change by rounding; part to which a change must fall; passes that may do without.
-        real(wp), parameter :: rounding = 1.0e-14_wp, falls = 0.5_wp
-        integer, parameter :: first_passes = 3
-        real(wp) :: last_change, span
-        integer :: i, k, pass
+        !> Times that a further iteration includes; iterations with all of them, and those whose changes need not fall.
+        integer, parameter :: further = 2, most_passes = 20, first_passes = 3
+        !> Relative change by rounding; part to which a change must fall.
+        real(wp), parameter :: rounding = 1.0e-14_wp, falls = 0.7_wp
+        real(wp) :: last_change
+        integer :: n_known, n_next, pass
 
         last_change = huge(1.0_wp)
-        span = self%t(self%n) - self%t0
-        do pass = 1, most_passes
-            call build(self, curve)
-            off = 0.0_wp
-            change = 0.0_wp
-            do i = 1, self%n
-                if (i == 1 .and. self%has_start) cycle
+        n_known = merge(1, 0, self%has_start)
+        pass = 0
+        do
+            call find_weights(self, n_known)
+            call build(self, n_known, curve)
+            n_next = min(max(n_first, n_known + further), self%n)
+            call evaluate(self, chart, local_error, n_next, curve, state, work, change, off, stat)
+            if (stat /= status_ok) return
+            if (n_known == self%n) then
+                pass = pass + 1
+                if (change <= rounding .or. pass == most_passes .or. .not. (change < falls*last_change .or. &
+                    pass <= first_passes)) exit
+                last_change = change
+            end if
+            n_known = n_next
+        end do
+        if (change > rounding .and. change < falls*last_change) change = change**2/(last_change - change)
+    end subroutine iterate
+
+    !> The accelerations at the first times, on the manifold at the points of the polynomial.
+    subroutine evaluate(self, chart, local_error, n, curve, state, work, change, off, stat)
+        class(collocation_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(local_error_type), intent(in) :: local_error
+        integer, intent(in) :: n
+        type(state_polynomial_type), intent(inout) :: curve
+        type(state_type), intent(inout) :: state, work
+        real(wp), intent(out) :: change, off
+        integer, intent(out) :: stat
+        integer :: i, k
+
+        off = 0.0_wp
+        change = 0.0_wp
+        stat = status_ok
+        associate (span => self%t(self%n) - self%t0)
+            do i = merge(2, 1, self%has_start), n
                 call curve%evaluate(self%t(i), work%q, work%qd, work%qdd)
                 call state%begin(self%t(i), work%q, work%qd)
                 call chart%project(state%t, state%q, state%qd, .true., stat, exactly=.true.)
@@ -127,10 +137,8 @@ contains
                 end do
                 change = max(change, local_error%largest_part(state, work%dq, work%dqd))
             end do
-            if (change <= rounding .or. .not. (change < falls*last_change .or. pass <= first_passes)) exit
-            last_change = change
-        end do
-    end subroutine iterate
+        end associate
+    end subroutine evaluate
 
     !> The change of the last state if some times are left out of the polynomial: an estimate of its error.
     subroutine find_difference(self, first, last, dq, dqd)
@@ -159,21 +167,34 @@ contains
         end do
     end subroutine find_difference
 
-    !> Form the polynomial of the accelerations.
-    subroutine build(self, curve)
+    !> The weights of the first accelerations.
+    pure subroutine find_weights(self, n)
         class(collocation_type), intent(inout) :: self
+        integer, intent(in) :: n
+        integer :: i, k
+
+        self%weights(:, :) = 0.0_wp
+        do i = 1, n
+            do k = 1, size(quadrature_nodes)
+                self%weights(i, :) = self%weights(i, :) + (self%t(i) - self%t0)*quadrature_weights(k)* &
+                    lagrange(self, self%t0 + quadrature_nodes(k)*(self%t(i) - self%t0), n + 1, self%n)
+            end do
+        end do
+    end subroutine find_weights
+
+    !> Form the polynomial of the first accelerations.
+    pure subroutine build(self, n, curve)
+        class(collocation_type), intent(inout) :: self
+        integer, intent(in) :: n
         type(state_polynomial_type), intent(inout) :: curve
         integer :: i, j
 
         call curve%begin(self%t0, self%q0)
         call curve%add_velocity(self%t0, self%qd0)
-        do i = 1, self%n
-            if (i == 1 .and. self%has_start) then
-                call curve%add_acceleration(self%t0, self%qdd(:, 1))
-                cycle
-            end if
+        if (self%has_start) call curve%add_acceleration(self%t0, self%qdd(:, 1))
+        do i = merge(2, 1, self%has_start), n
             self%qd(:, i) = self%qd0
-            do j = 1, self%n
+            do j = 1, n
                 self%qd(:, i) = self%qd(:, i) + self%weights(i, j)*self%qdd(:, j)
             end do
             call curve%add_velocity(self%t(i), self%qd(:, i))

@@ -18,8 +18,9 @@ submodule(tandem_simulation) tandem_simulate_crossing
 contains
 
     module procedure consider_crossing
-        !> Part of the best independence below which velocities of the polynomial are more accurate than those that C determines.
-        real(wp), parameter :: near_part = 3.0e-3_wp
+        !> Parts of the best independence: velocities of the polynomial are more accurate than those that C determines; a single state
+        !> locates a configuration.
+        real(wp), parameter :: near_part = 3.0e-3_wp, near_one = 0.3_wp
         integer :: base
         logical :: is_collocated, is_nearest
 
@@ -29,7 +30,8 @@ contains
             if (.not. crossing%is_on .or. abs(crossing%tried_at - self%state%t) <= 0.0_wp) return
             crossing%tried_at = self%state%t
             crossing%obstacle = ''
-            if (crossing%recent%n < 1) return
+            ! One state locates only a configuration that is near.
+            if (crossing%recent%n < merge(1, 2, self%chart%independence < near_one*self%chart%best_independence)) return
             call prepare(self)
             call self%chart%get_memory(crossing%memory)
             ! The last state may be too near to have reliable accelerations.
@@ -188,6 +190,8 @@ contains
         !> Times between states, relative to half the time from the base to the end, for extrapolations; collocation is 0. States
         !> further apart magnify their errors less, states close together leave a smaller error of the polynomial.
         real(wp), parameter :: gaps(0:4) = [0.0_wp, 8.0_wp, 3.0_wp, 1.5_wp, 0.7_wp]
+        !> Error of a collocation from which on extrapolations are not tried.
+        real(wp), parameter :: sufficient = 1.0e-8_wp
         real(wp) :: error, least_error, gap, last_distance, part, enough
         integer :: i, k, n_tries, bases(most_tries)
         logical :: is_last
@@ -213,7 +217,7 @@ contains
         is_nearest = .true.
         is_last = .false.
         least_error = huge(1.0_wp)
-        enough = small_part*self%options%relative_tolerance()
+        enough = sufficient_error(self)
         do i = n_tries, 1, -1
             do k = 0, size(gaps) - 1
                 call continue_from(self, bases(i), gaps(k), stop_at, error)
@@ -224,13 +228,21 @@ contains
                     gap = gaps(k)
                     is_nearest = i == 1
                 end if
-                if (k == 0 .and. error < huge(1.0_wp)) exit
+                if (k == 0 .and. error <= max(enough, sufficient)) exit
             end do
             if (k == 0 .and. (least_error <= enough .or. .not. is_last)) exit
         end do
         is_collocated = .not. gap > 0.0_wp
         if (base > 0 .and. .not. is_last) call continue_from(self, base, gap, stop_at, error)
     end subroutine choose_base
+
+    !> Relative error of a crossing that needs not be reduced: a part of the tolerance, or an error close to rounding.
+    pure real(wp) function sufficient_error(self)
+        class(simulation_type), intent(in) :: self
+        real(wp), parameter :: rounding = 5.0e-13_wp
+
+        sufficient_error = max(small_part*self%options%relative_tolerance(), rounding)
+    end function sufficient_error
 
     !> Compare the error with those of earlier tries. Close to the configuration, nearer states that have not reduced it will not
     !> reduce it any more.
@@ -301,19 +313,18 @@ contains
         real(wp), parameter :: before(4) = [0.8_wp, 0.6_wp, 0.4_wp, 0.2_wp], behind(5) = [0.2_wp, 0.4_wp, 0.6_wp, 0.8_wp, 1.0_wp]
         integer, parameter :: nearest(2) = [5, 6]
         !> Largest relative change of an iteration that has converged.
-        real(wp), parameter :: converged = 1.0e-8_wp, least_fall = 0.1_wp
+        real(wp), parameter :: converged = 1.0e-3_wp, least_fall = 0.1_wp
         real(wp) :: change, off, coarse, fine
-        integer :: n_nodes, stat
+        integer :: stat
 
         associate (crossing => self%crossing, state => self%crossing%trial, predicted => self%crossing%predicted, &
             t => self%crossing%record%t, t_from => self%crossing%recent%t(base), t_to => self%crossing%record%t_to)
             if (crossing%rate*behind(1)*min(t - t_from, t_to - t) < least_part*self%chart%best_independence) return
-            call pass_through(self, base, 0.5_wp*(t - t_from), n_nodes)
             call crossing%recent%get(base, crossing%values)
             call crossing%collocation%begin(t_from, crossing%values(:, 1), crossing%values(:, 2), [t - before*(t - t_from), &
                 t + behind*(t_to - t)], crossing%values(:, 3))
-            call crossing%collocation%predict(crossing%curve, predicted)
-            call crossing%collocation%iterate(self%chart, self%local_error, crossing%curve, state, predicted, change, off, stat)
+            call crossing%collocation%iterate(self%chart, self%local_error, 1 + size(before), crossing%curve, state, predicted, &
+                change, off, stat)
             if (stat /= status_ok .or. .not. change <= converged) return
             crossing%apart = 0.0_wp
             crossing%spread = off
@@ -340,14 +351,14 @@ contains
     subroutine choose_end(self, distance, stop_at)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: distance, stop_at
-        !> Part of the distance that may be left to the next stop; part of the best independence, and number of fixed steps, from
-        !> which steps can continue: closer to the configuration, charts have a shorter reach.
-        real(wp), parameter :: remainder = 0.2_wp, sound_part = 0.01_wp, fixed_steps = 2.0_wp
+        !> Part of the distance that may be left to the next stop; parts of the best independence, and number of fixed steps, from
+        !> which steps can continue, since closer to the configuration charts have a shorter reach, and need not be further away.
+        real(wp), parameter :: remainder = 0.2_wp, sound_part = 0.01_wp, far_part = 0.25_wp, fixed_steps = 2.0_wp
         real(wp) :: behind, breakpoint, sound
 
         associate (crossing => self%crossing, record => self%crossing%record)
             sound = sound_part*self%chart%best_independence/crossing%rate
-            behind = max(distance, sound)
+            behind = max(min(distance, far_part*self%chart%best_independence/crossing%rate), sound)
             if (.not. self%options%is_adaptive()) behind = max(behind, fixed_steps*self%options%step)
             record%t_to = record%t + behind
             if (.not. self%options%is_adaptive()) record%t_to = self%t_start + self%options%step* &
@@ -521,7 +532,9 @@ contains
                 do i = 1, size(state%q)
                     norm = max(norm, abs(state%dq(i))*self%control%weight_q(i), abs(state%dqd(i))*self%control%weight_qd(i))
                 end do
-                norm = norm/merge(last_part, small_part, is_last_chance)
+                ! Tolerances grow with the angle of bodies that turn, errors of crossings need not.
+                norm = max(norm, record%error/self%options%relative_tolerance())
+                norm = norm/merge(last_part, sufficient_error(self)/self%options%relative_tolerance(), is_last_chance)
             end if
             crossing%obstacle = 'a function of time changes within the step over it'
             if (self%model%hides(self%state%t, state%t, .true.)) return

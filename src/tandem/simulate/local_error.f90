@@ -398,7 +398,7 @@ contains
         !> States at the ends of the step.
         type(state_type), intent(in) :: start, arrived
         !> Part of the scale, and multiple of the motion at the larger velocity, that no step exceeds.
-        real(wp), parameter :: part = 0.5_wp, multiple = 10.0_wp
+        real(wp), parameter :: part = 0.5_wp, multiple = 2.0_wp
         real(wp) :: h, jump, moved
         integer :: i
 

@@ -39,7 +39,7 @@ module tandem_simulate_lost_rank
         real(wp), allocatable, private :: ahead(:)
     contains
         procedure :: forget_ahead, forget_measure, go_back, is_ahead, is_close, is_far, was_met, is_near, longest_step
-        procedure :: look_ahead, look_within, limits, comes_close
+        procedure :: look_ahead, look_within, limits, comes_close, comes_too_close
         procedure :: find_near, find_close, check, find_behind
         procedure, private :: loss_ahead
         procedure :: remember, check_branch, pack_state
@@ -99,6 +99,17 @@ contains
 
         is_close = self%fallen < close .or. chart%independence < close*chart%best_independence
     end function is_close
+
+    !> True if the step from a chart's origin has come much closer to a loss than half-way: its end determines the motion too poorly
+    !> for a crossing, and its start may be too far away.
+    pure logical function comes_too_close(self, chart)
+        class(lost_rank_type), intent(in) :: self
+        class(chart_type), intent(in) :: chart
+        !> Part of the best independence at the end; that at the start, in multiples of it.
+        real(wp), parameter :: close = 0.05_wp, much = 4.0_wp
+
+        comes_too_close = self%fallen < close .and. chart%independence > much*self%fallen*chart%best_independence
+    end function comes_too_close
 
     !> True if the independence has hardly fallen.
     pure logical function is_far(self)
