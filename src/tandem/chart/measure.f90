@@ -23,6 +23,8 @@ module tandem_chart_measure
         real(wp) :: room = huge(1.0_wp)
         !> `need_rank`: remaining part of the independence, and of the conditioning of massless coordinates; 1 if not measured.
         real(wp) :: fallen = 1.0_wp, loosened = 1.0_wp
+        !> `need_rank`: true if the independence was much smaller within the step than at its ends.
+        logical :: dips = .false.
         !> `need_change`: change of C from the start of the step, rows of unit length, Frobenius norm.
         real(wp) :: change = 0.0_wp
         !> `need_contraction`, for charts with a reach: the part of the correction of the displacement back to the manifold that

@@ -27,6 +27,8 @@ module tandem_simulate_lost_rank
         real(wp), private :: room = huge(1.0_wp)
         !> Remaining part of the independence, and of the conditioning of massless coordinates, at the last step.
         real(wp), private :: fallen = 1.0_wp, loosened = 1.0_wp
+        !> True if the independence was smaller within the last step: the step may have passed a loss.
+        logical, private :: dips = .false.
         !> Part of the best independence at which `comes_close` was true last, or the one above which it is false.
         real(wp), private :: seen = first_look
         !> Part of the best independence at the last chart, its time, and the rate at which it fell then (1/s).
@@ -100,15 +102,16 @@ contains
         is_close = self%fallen < close .or. chart%independence < close*chart%best_independence
     end function is_close
 
-    !> True if the step from a chart's origin has come much closer to a loss than half-way: its end determines the motion too poorly
-    !> for a crossing, and its start may be too far away.
+    !> True if the step from a chart's origin is too long near a loss: it may have passed one, or has come so much closer to it that
+    !> its end determines the motion too poorly for a crossing, and its start is too far away.
     pure logical function comes_too_close(self, chart)
         class(lost_rank_type), intent(in) :: self
         class(chart_type), intent(in) :: chart
         !> Part of the best independence at the end; that at the start, in multiples of it.
         real(wp), parameter :: close = 0.05_wp, much = 4.0_wp
 
-        comes_too_close = self%fallen < close .and. chart%independence > much*self%fallen*chart%best_independence
+        comes_too_close = self%dips .or. (self%fallen < close .and. &
+            chart%independence > much*self%fallen*chart%best_independence)
     end function comes_too_close
 
     !> True if the independence has hardly fallen.
@@ -274,6 +277,7 @@ contains
 
         call chart%measure(need_rank, state%t, state%q, next%t, next%q, next%qd, measure, stat)
         self%fallen = measure%fallen
+        self%dips = measure%dips
         self%loosened = measure%loosened
         if (stat == status_ok .and. .not. measure%room > 0.0_wp) stat = status_rank_deficient
         ! A rotation of this size may hide a loss.

@@ -444,7 +444,7 @@ contains
             return
         end if
         call self%lost_rank%check(self%chart, self%state, self%next, stat)
-        if (stat == status_ok .and. self%crossing%is_on .and. self%lost_rank%comes_too_close(self%chart)) stat = status_chart_left
+        if (stat == status_ok .and. self%lost_rank%comes_too_close(self%chart)) stat = status_rank_deficient
         if (stat == status_ok) call self%lost_rank%check_branch(self%chart, self%local_error, self%state, self%next, stat)
         if (stat /= status_ok) return
         call self%local_error%find_gap(self%state, self%next, has_gap)

@@ -174,6 +174,8 @@ contains
         real(wp), parameter :: horizon = 8.0_wp
         !> The remainder of a row that depends on others is smaller, due to rounding.
         real(wp), parameter :: largest_rest = least_pivot
+        !> Part of the independence at both ends below which that of a stage is a dip.
+        real(wp), parameter :: of_dip = 0.5_wp
         real(wp) :: fall, now
         logical :: falls
 
@@ -194,6 +196,8 @@ contains
                 return
             end if
             now = sqrt(s%factor(s%here)%least)
+            measure%dips = sqrt(s%lowest) < of_dip*min(self%independence, now)
+            s%lowest = s%factor(s%here)%least
             fall = self%independence - now
             falls = .not. now > horizon*fall
             if (falls .and. s%serves) then

@@ -30,6 +30,8 @@ module tandem_chart_sparse_system
         !> Factors at the origin, and at the last point; they may coincide.
         type(factor_type) :: factor(2)
         integer :: base = 1, here = 1
+        !> Smallest pivot of all factors of a step.
+        real(wp) :: lowest = 1.0_wp
         !> True if C and W exist for the last point only, and are moved from one factor to the other: explicit steps solve with the
         !> factor of the origin without them.
         logical :: shares_terms = .false.
@@ -325,6 +327,7 @@ contains
                     .not. any(self%analysis%norm_row > 0)
             end if
             if (stat == status_ok) call factor%factorize(self%analysis, .false., stat)
+            if (stat == status_ok) self%lowest = min(self%lowest, factor%least)
         end associate
         if (stat == status_ok .and. .not. self%determines_massless) call self%check_massless(stat)
         counts%constraint_factorizations = counts%constraint_factorizations + min(self%m, 1)
