@@ -55,12 +55,12 @@ module tandem_chart_sparse_system
         real(wp), allocatable :: added(:)
         integer :: n_massless = 0
         logical :: determines_massless = .false.
-        !> The last acceleration of these coordinates, and how much a step of its iteration reduced the error.
-        real(wp), allocatable :: last_massless(:)
-        real(wp) :: reduction = 1.0_wp
+        !> Their last two accelerations (:, 2), and the times; reduction of the error by a step of the iteration.
+        real(wp), allocatable :: last_massless(:, :)
+        real(wp) :: t_massless(2) = 0.0_wp, reduction = 1.0_wp
         real(wp), allocatable :: scale(:)
-        !> Work space of the iteration (n, m and unknowns); allocated if there are such coordinates.
-        real(wp), dimension(:), allocatable, private :: step, direction, left, moved, no_rows, more
+        !> Work space of the iteration (n, m, unknowns, and coordinates without mass); allocated if there are such coordinates.
+        real(wp), dimension(:), allocatable, private :: step, direction, left, no_rows, more, change, unbalanced, moved, guess
         class(model_type), pointer, private :: source => null()
         !> Friction on reactions; true if the forces of the last point contain it.
         type(normal_forces_type) :: normal_forces
