@@ -5,7 +5,9 @@ module test_sparse_features
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_runs, only: controlled, go_on
     use tandem, only: failure_type => error_type, long, options_type, simulation_type, statistics_type, wp
+    use tandem_chart_sparse_system, only: system_type
     use tandem_io, only: find_scene, read_scene, scene_type
+    use tandem_model_counts, only: counts_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -80,6 +82,8 @@ contains
             new_unittest('friction-on-reactions', test_friction), &
             new_unittest('coordinates-without-mass', test_massless), &
             new_unittest('bodies-without-mass', test_hinges), &
+            new_unittest('unbalanced-forces-of-bodies-without-mass', test_unbalanced), &
+            new_unittest('points-within-steps-beside-bodies-without-mass', test_looks), &
             new_unittest('bodies-without-mass-come-to-rest', test_rest), &
             new_unittest('a-load-far-from-a-body-without-mass', test_far_load), &
             new_unittest('a-body-without-mass-that-turns-freely-is-refused', test_free_body), &
@@ -103,8 +107,15 @@ contains
     !> Each of three links has three hinges with two bodies without mass between them, 42 coordinates in all.
     subroutine test_hinges(error)
         type(error_type), allocatable, intent(out) :: error
+
+        call compare(hinges(), 0, error)
+    end subroutine test_hinges
+
+    !> Their text.
+    pure function hinges() result(text)
+        character(len=:), allocatable :: text
         character(len=*), parameter :: axes(3) = [character(len=11) :: '[0, 0.6, 1]', '[0, 1, 0.3]', '[1, 0.2, 0]']
-        character(len=:), allocatable :: last, next, text
+        character(len=:), allocatable :: last, next
         character(len=1) :: link, number
         integer :: i, k
 
@@ -127,8 +138,71 @@ contains
                 last = next
             end do
         end do
-        call compare(text, 0, error)
-    end subroutine test_hinges
+    end function hinges
+
+    !> A solution of low accuracy leaves unbalanced forces on coordinates without mass alone.
+    subroutine test_unbalanced(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scene
+        type(failure_type), allocatable :: failure
+        type(system_type) :: system
+        type(counts_type) :: counts
+        real(wp), allocatable :: qdd(:), left(:)
+        integer :: stat
+
+        call read_scene('test.toml', [character(len=1) ::], scene, failure, text=hinges())
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call system%initialize(scene%model, .false.)
+        call system%move_with(0.0_wp, scene%q, scene%qd, counts, stat)
+        call system%factorize(counts, stat)
+        call check_count(error, stat, 0, 'the status')
+        if (allocated(error)) return
+        qdd = scene%q
+        left = scene%q
+        system%g(:) = -system%model%terms%gamma
+        associate (force => system%model%terms%force)
+            call system%solve_here(force, system%g, qdd, system%z, 1.0_wp, .true., stat)
+            call system%factor(system%here)%find_unbalanced(system%analysis, system%model%terms%mass, force, qdd, system%z, left)
+            call check_true(error, maxval(abs(left(system%massless))) > 1.0e-12_wp*maxval(abs(force)), 'nothing is left')
+            left(system%massless) = 0.0_wp
+            ! Rounding of reactions, which are as large as the forces.
+            call check_close(error, left, 0.0_wp*left, 1.0e-13_wp*maxval(abs(force)), 'forces on other coordinates')
+        end associate
+    end subroutine test_unbalanced
+
+    !> Points within a step take one factor each if they follow each other, and leave no trace in later steps.
+    subroutine test_looks(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scenes(2)
+        type(simulation_type) :: looking, blind
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        integer(long) :: before
+        integer :: k, step
+        integer, parameter :: n_looks = 8
+
+        call begin(hinges(), controlled(1.0e-6_wp, 'sparse'), scenes(1), looking, error)
+        call begin(hinges(), controlled(1.0e-6_wp, 'sparse'), scenes(2), blind, error)
+        if (allocated(error)) return
+        do step = 1, 6
+            call looking%step(1.0_wp, failure)
+            call check_no_failure(error, failure)
+            call blind%step(1.0_wp, failure)
+            call check_no_failure(error, failure)
+            do k = 1, n_looks
+                call looking%look_at(blind%state%t - looking%last_step*(1 - real(k, wp)/(n_looks + 1)), failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                statistics = looking%statistics()
+                ! The first one also evaluates stages of dense output.
+                if (k == 1) before = statistics%constraint_factorizations
+            end do
+            call check_true(error, statistics%constraint_factorizations - before <= n_looks, 'more than one factor a point')
+            call looking%look_back()
+        end do
+        call check_true(error, all(abs(looking%state%q - blind%state%q) <= 0.0_wp), 'a look changes the steps')
+    end subroutine test_looks
 
     !> Two slides with a body without mass between them, across gravity: accelerations decay until their squares underflow, or are
     !> rounding.

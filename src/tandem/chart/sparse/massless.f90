@@ -193,7 +193,7 @@ contains
                 if (stat /= status_ok) exit
                 part = product/curvature
                 rest = part*largest_part(size(x), direction, x, self%scale, self%rate**2)
-                if (k > 1) self%reduction = min(max(rest/last, rounding), 1.0_wp)
+                if (k > 1 .and. .not. self%is_held) self%reduction = min(max(rest/last, rounding), 1.0_wp)
                 if (k > 1 .and. rest <= rounding*last) exit
                 call add_scaled(size(x), part, direction, x)
                 call add_scaled(size(z), part, change, z)
@@ -215,7 +215,8 @@ contains
                 x(:) = x + d
                 z(:) = z + more
             end if
-            if (.not. is_acceleration .or. stat /= status_ok) return
+            ! Points between steps leave no trace.
+            if (self%is_held .or. .not. is_acceleration .or. stat /= status_ok) return
             if (abs(self%t_point - self%t_massless(1)) > 0.0_wp) then
                 self%last_massless(:, 2) = self%last_massless(:, 1)
                 self%t_massless(2) = self%t_massless(1)
