@@ -6,8 +6,7 @@ submodule(tandem_simulation:tandem_simulate_start) tandem_simulate_branch_start
     implicit none (type, external)
 
     !> Times at which the equations of motion are satisfied, relative to the length of the step.
-    integer, parameter :: n_nodes = 8
-    real(wp), parameter :: nodes(n_nodes) = [0.3_wp, 0.4_wp, 0.5_wp, 0.6_wp, 0.7_wp, 0.8_wp, 0.9_wp, 1.0_wp]
+    real(wp), parameter :: nodes(8) = [0.3_wp, 0.4_wp, 0.5_wp, 0.6_wp, 0.7_wp, 0.8_wp, 0.9_wp, 1.0_wp]
     !> Largest error of the step.
     real(wp), parameter :: largest_error = 1.0e-5_wp
 
@@ -95,7 +94,7 @@ contains
         end associate
     end subroutine choose_step
 
-    !> Determine the polynomial of a step by iteration: the accelerations at its nodes, on the manifold, integrated twice.
+    !> Determine the polynomial of a step.
     subroutine collocate(self, t, q, qd, h, error, off)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: t, q(:), qd(:), h
@@ -103,73 +102,22 @@ contains
         real(wp), intent(out) :: error
         !> Part of it by which the polynomial misses the manifold.
         real(wp), intent(out) :: off
-        integer, parameter :: most_passes = 12
-        !> Relative change by rounding.
-        real(wp), parameter :: rounding = 1.0e-14_wp
-        real(wp) :: lagrange(0:n_nodes - 1, n_nodes), power(0:n_nodes - 1), a(size(q), n_nodes)
-        real(wp) :: change, last_change, t_node
-        integer :: pass, i, m, stat
+        real(wp) :: change
+        integer :: stat
 
-        call set_lagrange(lagrange)
         off = 0.0_wp
         error = huge(1.0_wp)
-        last_change = huge(1.0_wp)
         associate (crossing => self%crossing, trial => self%crossing%trial, there => self%crossing%predicted)
             if (.not. allocated(trial%q)) call trial%allocate(size(q))
             if (.not. allocated(there%q)) call there%allocate(size(q))
-            a = 0.0_wp
             trial%qdd(:) = 0.0_wp
-            do pass = 1, most_passes
-                call crossing%curve%begin(t, q)
-                call crossing%curve%add_power(qd)
-                if (pass > 1) then
-                    do m = 0, n_nodes - 1
-                        call crossing%curve%add_power(matmul(a, lagrange(m, :))/((m + 1)*h**m))
-                    end do
-                end if
-                off = 0.0_wp
-                change = 0.0_wp
-                do i = 1, n_nodes
-                    t_node = t + nodes(i)*h
-                    call crossing%curve%evaluate(t_node, there%q, there%qd, there%qdd)
-                    call trial%begin(t_node, there%q, there%qd)
-                    call self%chart%project(t_node, trial%q, trial%qd, .true., stat, exactly=.true.)
-                    if (stat == status_ok) call self%chart%accelerate(t_node, trial%q, trial%qd, step_end, trial%qdd, stat)
-                    if (stat /= status_ok) return
-                    there%dq(:) = trial%q - there%q
-                    there%dqd(:) = trial%qd - there%qd
-                    off = max(off, self%local_error%largest_part(trial, there%dq, there%dqd))
-                    there%dqd(:) = h*(trial%qdd - a(:, i))
-                    there%dq(:) = h*there%dqd
-                    change = max(change, self%local_error%largest_part(trial, there%dq, there%dqd))
-                    a(:, i) = trial%qdd
-                end do
-                if (change <= rounding .or. .not. (change < 0.5_wp*last_change .or. pass < 4)) exit
-                last_change = change
-            end do
-            ! The difference from the polynomial without the first node.
-            power = lagrange(:, 1)/lagrange(n_nodes - 1, 1)
-            there%dqd(:) = h*matmul(a, lagrange(n_nodes - 1, :))
-            there%dq(:) = h*there%dqd*sum([(power(m)/((m + 1)*(m + 2)), m=0, n_nodes - 1)])
-            there%dqd(:) = there%dqd*sum([(power(m)/(m + 1), m=0, n_nodes - 1)])
+            call crossing%collocation%begin(t, q, qd, t + nodes*h)
+            call crossing%collocation%iterate(self%chart, self%local_error, crossing%curve, trial, there, change, off, stat)
+            if (stat /= status_ok) return
+            call crossing%collocation%find_difference(1, 1, there%dq, there%dqd)
             error = max(off, change, self%local_error%largest_part(trial, there%dq, there%dqd))
         end associate
     end subroutine collocate
-
-    !> Coefficients of Lagrange's polynomials of the nodes: column i is 1 at node i and 0 at the others.
-    pure subroutine set_lagrange(lagrange)
-        real(wp), intent(out) :: lagrange(0:n_nodes - 1, n_nodes)
-        integer :: i, j
-
-        lagrange = 0.0_wp
-        lagrange(0, :) = 1.0_wp
-        do i = 1, n_nodes
-            do j = 1, n_nodes
-                if (j == i) cycle
-                lagrange(:, i) = (eoshift(lagrange(:, i), -1) - nodes(j)*lagrange(:, i))/(nodes(i) - nodes(j))
-            end do
-        end do
-    end subroutine set_lagrange
 
     !> Return to the start, with the chart at the end of the first step.
     subroutine begin_there(self, t, q, qd)

@@ -11,7 +11,7 @@ submodule(tandem_simulation) tandem_simulate_crossing
     real(wp), parameter :: least_part = 1.0e-3_wp
     !> Largest error of a crossing: part of the tolerance; if no later step can reduce it, multiple of the tolerance, or
     !> relative; and in any case relative.
-    real(wp), parameter :: small_part = 0.1_wp, last_part = 100.0_wp, sure_error = 1.0e-5_wp, largest_error = 1.0e-4_wp
+    real(wp), parameter :: small_part = 0.02_wp, last_part = 100.0_wp, sure_error = 1.0e-5_wp, largest_error = 1.0e-4_wp
     !> Error of a position whose branches can be told apart, relative to its distance from the configuration.
     real(wp), parameter :: clear_part = 1.0e-2_wp
 
@@ -19,7 +19,7 @@ contains
 
     module procedure consider_crossing
         integer :: base
-        logical :: is_nearest
+        logical :: is_collocated, is_nearest
 
         is_loss = .false.
         is_crossed = .false.
@@ -35,9 +35,9 @@ contains
             if (.not. is_loss .and. self%lost_rank%is_close(self%chart)) call locate(self, 2, reach, is_loss)
             if (is_loss) then
                 call refine(self)
-                call choose_base(self, stop_at, base, is_nearest)
+                call choose_base(self, stop_at, base, is_collocated, is_nearest)
                 if (base > 0) then
-                    call compare(self, is_nearest)
+                    call compare(self, is_collocated, is_nearest)
                     call judge(self, .not. is_nearest, is_crossed)
                 end if
             end if
@@ -165,32 +165,29 @@ contains
         end associate
     end subroutine independence_at
 
-    !> Extrapolate from recent states at some distances, nearest first, and keep the result with the smallest error.
-    subroutine choose_base(self, stop_at, base, is_nearest)
+    !> Find the motion behind the configuration from recent states at some distances, the most distant first, until the error is small
+    !> or grows, and keep the result with the smallest error.
+    subroutine choose_base(self, stop_at, base, is_collocated, is_nearest)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: stop_at
-        !> The nearest of these states; 0 if none gives a result.
+        !> The state; 0 if none gives a result.
         integer, intent(out) :: base
-        !> True if no more distant state gives a smaller error, so that a nearer one may give a smaller one.
-        logical, intent(out) :: is_nearest
+        !> True if the result is that of a collocation; true if no more distant state gives a smaller error, so that a nearer one may
+        !> give a smaller one.
+        logical, intent(out) :: is_collocated, is_nearest
         integer, parameter :: most_tries = 8
         !> A state that is not that much further away is left out, and so are all beyond this part of the best independence but the
         !> nearest state.
         real(wp), parameter :: further = 1.9_wp, far = 0.5_wp
-        !> Times between states, relative to half the time from the base to the end. States further apart magnify their errors less,
-        !> states close together leave a smaller error of the polynomial.
-        real(wp), parameter :: gaps(4) = [8.0_wp, 3.0_wp, 1.5_wp, 0.7_wp]
-        real(wp) :: error, least_error, gap, last_distance, part
-        integer :: i, k, n_nodes, n_tries
+        !> Times between states, relative to half the time from the base to the end, for extrapolations; collocation is 0. States
+        !> further apart magnify their errors less, states close together leave a smaller error of the polynomial.
+        real(wp), parameter :: gaps(0:4) = [0.0_wp, 8.0_wp, 3.0_wp, 1.5_wp, 0.7_wp]
+        real(wp) :: error, least_error, gap, last_distance, part, enough
+        integer :: i, k, n_tries, bases(most_tries)
         logical :: is_last
 
-        base = 0
         n_tries = 0
-        least_error = huge(1.0_wp)
         last_distance = 0.0_wp
-        is_last = .false.
-        is_nearest = .true.
-        gap = gaps(1)
         associate (crossing => self%crossing, recent => self%crossing%recent)
             crossing%obstacle = 'the last states before it are too near to determine the motion behind it'
             do i = 1, recent%n
@@ -202,25 +199,39 @@ contains
                     last_distance = distance
                 end associate
                 n_tries = n_tries + 1
-                do k = 1, size(gaps)
-                    call extrapolate(self, i, gaps(k), stop_at, n_nodes, error)
-                    is_last = error < least_error
-                    if (is_last) then
-                        base = i
-                        gap = gaps(k)
-                        is_nearest = n_tries == 1
-                    end if
-                    least_error = min(error, least_error)
-                end do
+                bases(n_tries) = i
             end do
         end associate
-        if (base > 0 .and. .not. is_last) call extrapolate(self, base, gap, stop_at, n_nodes, error)
+        base = 0
+        gap = 0.0_wp
+        is_nearest = .true.
+        is_last = .false.
+        least_error = huge(1.0_wp)
+        enough = small_part*self%options%relative_tolerance()
+        do i = n_tries, 1, -1
+            do k = 0, size(gaps) - 1
+                call continue_from(self, bases(i), gaps(k), stop_at, error)
+                is_last = error < least_error
+                if (is_last) then
+                    least_error = error
+                    base = bases(i)
+                    gap = gaps(k)
+                    is_nearest = i == 1
+                end if
+                if (k == 0 .and. error < huge(1.0_wp)) exit
+            end do
+            if (k == 0 .and. (least_error <= enough .or. .not. is_last)) exit
+        end do
+        is_collocated = .not. gap > 0.0_wp
+        if (base > 0 .and. .not. is_last) call continue_from(self, base, gap, stop_at, error)
     end subroutine choose_base
 
     !> Compare the error with those of earlier tries. Close to the configuration, nearer states that have not reduced it will not
     !> reduce it any more.
-    subroutine compare(self, is_falling)
+    subroutine compare(self, is_collocated, is_falling)
         class(simulation_type), intent(inout) :: self
+        !> True if the error is that of a collocation.
+        logical, intent(in) :: is_collocated
         !> True if the error falls with the distance.
         logical, intent(inout) :: is_falling
         !> Part of the error that is a reduction; part of the distance by which a time may be off; part of the best independence
@@ -233,41 +244,90 @@ contains
                 crossing%tried_for = record%t
             end if
             if (self%state%t > crossing%turned_off_until) crossing%turned_off = huge(1.0_wp)
-            is_falling = (is_falling .and. record%error < falls*crossing%tried_error) .or. &
-                crossing%rate*(record%t - crossing%recent%t(1)) > close*self%chart%best_independence
+            if (.not. is_collocated .and. crossing%rate*(record%t - crossing%recent%t(1)) > close*self%chart%best_independence) then
+                is_falling = .true.
+            else
+                is_falling = is_falling .and. record%error < falls*crossing%tried_error
+            end if
             crossing%tried_error = min(crossing%tried_error, record%error)
         end associate
     end subroutine compare
 
-    !> Extrapolate to a time behind the configuration, at least as far from it as the base, and find the error.
-    subroutine extrapolate(self, base, gap, stop_at, n_nodes, error)
+    !> Find the state at a time behind the configuration, at least as far from it as the base, and its error.
+    subroutine continue_from(self, base, gap, stop_at, error)
         class(simulation_type), intent(inout) :: self
         integer, intent(in) :: base
-        !> Least time between states, relative to half the time from the base to the end.
+        !> Least time between states that are extrapolated, relative to half the time from the base to the end; 0 for collocation.
         real(wp), intent(in) :: gap, stop_at
-        !> Number of states.
-        integer, intent(out) :: n_nodes
         !> Relative error, huge if there is no result.
         real(wp), intent(out) :: error
         real(wp) :: distance
+        integer :: n_nodes
 
         error = huge(1.0_wp)
         associate (crossing => self%crossing)
             distance = crossing%record%t - crossing%recent%t(base)
-            n_nodes = most_nodes
             call choose_end(self, distance, stop_at)
             if (.not. crossing%record%t_to > crossing%record%t) return
-            distance = 0.5_wp*(crossing%record%t_to - crossing%recent%t(base))
-            call pass_through(self, base, gap*distance, n_nodes)
-            if (n_nodes < 2) then
-                crossing%obstacle = 'the run has too few steps before it'
-                return
+            if (gap > 0.0_wp) then
+                distance = 0.5_wp*(crossing%record%t_to - crossing%recent%t(base))
+                call pass_through(self, base, gap*distance, n_nodes)
+                if (n_nodes < 2) then
+                    crossing%obstacle = 'the run has too few steps before it'
+                    return
+                end if
+                call extrapolate(self, base, gap*distance, error)
+            else
+                call collocate(self, base, error)
             end if
-            call correct(self, base, gap*distance, error)
             crossing%record%error = error
             crossing%record%t_from = self%state%t
         end associate
-    end subroutine extrapolate
+    end subroutine continue_from
+
+    !> The state behind the configuration by collocation: the polynomial satisfies the equations of motion on both sides of it. The
+    !> error is that of the polynomial without the nearest times, along the manifold.
+    subroutine collocate(self, base, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: base
+        real(wp), intent(inout) :: error
+        !> Times, relative to the distances of the base and of the end from the configuration; the nearest ones.
+        real(wp), parameter :: before(4) = [0.8_wp, 0.6_wp, 0.4_wp, 0.2_wp], behind(5) = [0.2_wp, 0.4_wp, 0.6_wp, 0.8_wp, 1.0_wp]
+        integer, parameter :: nearest(2) = [5, 6]
+        !> Largest relative change of an iteration that has converged.
+        real(wp), parameter :: converged = 1.0e-8_wp, least_fall = 0.1_wp
+        real(wp) :: change, off, coarse, fine
+        integer :: n_nodes, stat
+
+        associate (crossing => self%crossing, state => self%crossing%trial, predicted => self%crossing%predicted, &
+            t => self%crossing%record%t, t_from => self%crossing%recent%t(base), t_to => self%crossing%record%t_to)
+            if (crossing%rate*behind(1)*min(t - t_from, t_to - t) < least_part*self%chart%best_independence) return
+            call pass_through(self, base, 0.5_wp*(t - t_from), n_nodes)
+            call crossing%recent%get(base, crossing%values)
+            call crossing%collocation%begin(t_from, crossing%values(:, 1), crossing%values(:, 2), [t - before*(t - t_from), &
+                t + behind*(t_to - t)], crossing%values(:, 3))
+            call crossing%collocation%predict(crossing%curve, predicted)
+            call crossing%collocation%iterate(self%chart, self%local_error, crossing%curve, state, predicted, change, off, stat)
+            if (stat /= status_ok .or. .not. change <= converged) return
+            crossing%apart = 0.0_wp
+            crossing%spread = off
+            call crossing%curve%evaluate(t_to, predicted%q, predicted%qd, predicted%qdd)
+            predicted%dq(:) = predicted%q - state%q
+            predicted%dqd(:) = predicted%qd - state%qd
+            call note_spread(self)
+            call crossing%collocation%find_difference(nearest(1) - 1, nearest(2) + 1, predicted%dq, predicted%dqd)
+            coarse = self%local_error%largest_part(state, predicted%dq, predicted%dqd)
+            call crossing%collocation%find_difference(nearest(1), nearest(2), predicted%dq, predicted%dqd)
+            fine = self%local_error%largest_part(state, predicted%dq, predicted%dqd)
+            ! Differences fall about as fast with the next two times.
+            predicted%dq(:) = max(fine/coarse, least_fall)*predicted%dq
+            predicted%dqd(:) = max(fine/coarse, least_fall)*predicted%dqd
+            call note_spread(self)
+            state%dq(:) = 0.0_wp
+            state%dqd(:) = 0.0_wp
+            call project_difference(self, base, change, error)
+        end associate
+    end subroutine collocate
 
     !> Choose the end of the step: at least as far behind the configuration as the base before it, on the grid of fixed steps, or at
     !> the next stop, if that is not too near.
@@ -296,7 +356,7 @@ contains
     !> The correction, and the way back to the base from the state found, give the error. Near the configuration states are
     !> uncertain in the direction in which its branches separate. The projection removes this part of the error, up to the angle by
     !> which the direction turns, about the part of the independence at the base.
-    subroutine correct(self, base, gap, error)
+    subroutine extrapolate(self, base, gap, error)
         class(simulation_type), intent(inout) :: self
         integer, intent(in) :: base
         !> Least time between states.
@@ -338,20 +398,35 @@ contains
             call go_back(self, base, gap, is_back)
             if (.not. is_back) return
             call note_spread(self)
+            call project_difference(self, base, forwards, error)
+        end associate
+    end subroutine extrapolate
+
+    !> The error from a difference of the state in `predicted`, along the manifold, and other estimates of it.
+    subroutine project_difference(self, base, least, error)
+        class(simulation_type), intent(inout) :: self
+        integer, intent(in) :: base
+        !> An error known otherwise.
+        real(wp), intent(in) :: least
+        !> Unchanged if the difference has no projection.
+        real(wp), intent(inout) :: error
+        integer :: i, stat
+
+        associate (crossing => self%crossing, state => self%crossing%trial, predicted => self%crossing%predicted)
             predicted%q(:) = state%q + predicted%dq
             predicted%qd(:) = state%qd + predicted%dqd
             call self%chart%project(state%t, predicted%q, predicted%qd, .true., stat, exactly=.true.)
             if (stat /= status_ok) return
             predicted%dq(:) = predicted%q - state%q
             predicted%dqd(:) = predicted%qd - state%qd
-            error = max(forwards, self%local_error%largest_part(state, predicted%dq, predicted%dqd), crossing%spread* &
+            error = max(least, self%local_error%largest_part(state, predicted%dq, predicted%dqd), crossing%spread* &
                 crossing%rate*(crossing%record%t - crossing%recent%t(base))/self%chart%best_independence)
             do i = 1, size(state%q)
                 if (abs(predicted%dq(i)) > abs(state%dq(i))) state%dq(i) = predicted%dq(i)
                 if (abs(predicted%dqd(i)) > abs(state%dqd(i))) state%dqd(i) = predicted%dqd(i)
             end do
         end associate
-    end subroutine correct
+    end subroutine project_difference
 
     !> Note a difference between two states in all directions, in `predicted`.
     subroutine note_spread(self)
@@ -407,7 +482,9 @@ contains
         real(wp), parameter :: of_steps = 0.3_wp
         !> Where an earlier try found that the motion turns off, errors must be smaller than this part of what it found.
         real(wp), parameter :: surely_less = 0.1_wp
-        real(wp) :: moved, errors(3), norm
+        !> Part of the best independence below which errors of states make steps short; such a step, relative to the time left.
+        real(wp), parameter :: close = 0.05_wp, short = 0.01_wp
+        real(wp) :: moved, errors(3), norm, left
         type(measure_type) :: measure
         integer :: i, rows(3), stat
         logical :: is_last_chance
@@ -418,9 +495,9 @@ contains
             norm = 0.0_wp
             if (self%options%is_adaptive()) then
                 ! The next state would be too near, or errors of states make steps short.
-                is_last_chance = is_limited .or. crossing%rate*(record%t - self%state%t) < &
-                    4*least_part*self%chart%best_independence .or. &
-                    crossing%has_short_steps(self%control%h, record%t - self%state%t)
+                left = crossing%rate*(record%t - self%state%t)/self%chart%best_independence
+                is_last_chance = is_limited .or. left < 4*least_part .or. (left < close .and. self%control%h < &
+                    short*(record%t - self%state%t))
                 call self%control%set_weights(self%state%q, state%q, self%state%qd, state%qd)
                 do i = 1, size(state%q)
                     norm = max(norm, abs(state%dq(i))*self%control%weight_q(i), abs(state%dqd(i))*self%control%weight_qd(i))

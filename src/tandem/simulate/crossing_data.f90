@@ -4,6 +4,7 @@ module tandem_simulate_crossing_data
     use tandem_chart, only: chart_memory_type
     use tandem_kinds, only: long, wp
     use tandem_pack, only: pack_type
+    use tandem_simulate_collocation, only: collocation_type
     use tandem_simulate_recent_states, only: recent_states_type
     use tandem_simulate_state_polynomial, only: state_polynomial_type
     use tandem_stepper_state, only: state_type
@@ -45,6 +46,8 @@ module tandem_simulate_crossing_data
         real(wp) :: rate = 0.0_wp
         !> Its error in all directions, relative to s + |y|, and on the scales of coordinates and velocities.
         real(wp) :: spread = 0.0_wp, apart(2) = 0.0_wp
+        !> Determines the motion on both sides of it.
+        type(collocation_type) :: collocation
         !> Work space: a state and its prediction; states of the polynomial (n, 3); the polynomial of the way back; the chart.
         type(state_type) :: trial, predicted
         real(wp), allocatable :: values(:, :)
@@ -53,7 +56,6 @@ module tandem_simulate_crossing_data
     contains
         procedure :: initialize, note, forget, pack_state
         procedure :: is_due
-        procedure, nopass :: has_short_steps
     end type crossing_type
 
 contains
@@ -69,8 +71,7 @@ contains
         if (is_on) call self%recent%initialize(n)
     end subroutine initialize
 
-    !> True if a configuration that was located and not passed is ahead at a time t, and the time to it has halved since, or errors
-    !> of the states make steps of size h short: such steps do not show how the independence falls.
+    !> True if a configuration that was located and not passed is ahead at a time t, and the time to it has halved since.
     logical function is_due(self, t, h, room)
         class(crossing_type), intent(in) :: self
         real(wp), intent(in) :: t, h
@@ -79,18 +80,9 @@ contains
         real(wp) :: left
 
         left = self%tried_for - t
-        is_due = self%is_on .and. left > 0.0_wp .and. h > 0.0_wp
-        if (is_due) is_due = left < 0.5_wp*(self%tried_for - self%tried_at) .or. self%has_short_steps(h, left)
+        is_due = self%is_on .and. left > 0.0_wp .and. h > 0.0_wp .and. left < 0.5_wp*(self%tried_for - self%tried_at)
         if (is_due) room = left
     end function is_due
-
-    !> True if a step of size h is short relative to the time to the configuration.
-    pure logical function has_short_steps(h, left)
-        real(wp), intent(in) :: h, left
-        real(wp), parameter :: short_part = 0.01_wp
-
-        has_short_steps = h < short_part*left
-    end function has_short_steps
 
     !> Store the state at the end of a step.
     pure subroutine note(self, state)

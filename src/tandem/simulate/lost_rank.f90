@@ -19,16 +19,18 @@ module tandem_simulate_lost_rank
     integer, parameter :: may_hide_loss(3) = [status_position_diverged, status_chart_left, status_newton_failed]
     !> Steps approach a loss until its singular value has fallen to this part: closer to it, rounding determines the motion.
     real(wp), parameter :: least_independence = 1.0e-5_wp
-    !> Steps that errors make short look for a loss when the independence has fallen to a part of this, and again at parts of that.
-    real(wp), parameter :: first_look = 0.08_wp
+    !> Steps that are short look for a loss when the independence has fallen to a part of this, and again at parts of that.
+    real(wp), parameter :: first_look = 0.5_wp
 
     type :: lost_rank_type
         !> Time until the loss, if the smallest singular value continues to fall at its rate.
         real(wp), private :: room = huge(1.0_wp)
         !> Remaining part of the independence, and of the conditioning of massless coordinates, at the last step.
         real(wp), private :: fallen = 1.0_wp, loosened = 1.0_wp
-        !> Value of `fallen` at which `comes_close` was true last, or the one above which it is false.
+        !> Part of the best independence at which `comes_close` was true last, or the one above which it is false.
         real(wp), private :: seen = first_look
+        !> Part of the best independence at the last chart, its time, and the rate at which it fell then (1/s).
+        real(wp), private :: last_part = 1.0_wp, last_t = 0.0_wp, last_rate = 0.0_wp
         !> Status for which a controlled step was given up, a loss or a status that may hide one, and the time until which it may
         !> still be ahead or close behind.
         integer, private :: reason = status_ok
@@ -133,16 +135,32 @@ contains
         limits = self%is_ahead() .and. 0.5_wp*self%room < h
     end function limits
 
-    !> True if the independence has fallen much since the last time, even if shorter steps than those to the loss are taken.
-    logical function comes_close(self, room)
+    !> True if the independence has fallen much since the last time, and falls ever faster, even if the loss is many steps ahead.
+    logical function comes_close(self, chart, t, room)
         class(lost_rank_type), intent(inout) :: self
+        class(chart_type), intent(in) :: chart
+        !> Time of the chart.
+        real(wp), intent(in) :: t
+        !> Time until the loss.
         real(wp), intent(out) :: room
-        real(wp), parameter :: part = 0.6_wp
+        real(wp), parameter :: falls_to = 0.6_wp, not_slower = 0.98_wp
+        real(wp) :: part, rate
 
+        comes_close = .false.
         room = self%room
-        if (.not. self%is_ahead()) self%seen = first_look
-        comes_close = self%is_ahead() .and. self%fallen < part*self%seen
-        if (comes_close) self%seen = self%fallen
+        part = chart%independence/max(chart%best_independence, tiny(1.0_wp))
+        rate = 0.0_wp
+        if (t > self%last_t) rate = (self%last_part - part)/(t - self%last_t)
+        if (part > first_look) then
+            self%seen = first_look
+        else if (part < falls_to*self%seen .and. rate > 0.0_wp .and. rate > not_slower*self%last_rate) then
+            comes_close = .true.
+            self%seen = part
+            room = part/rate
+        end if
+        self%last_part = part
+        self%last_t = t
+        self%last_rate = rate
     end function comes_close
 
     !> Steps must shrink towards a loss, so that none contains it undetected: the longest step, given its limit otherwise.
@@ -323,6 +341,7 @@ contains
         type(pack_type), intent(inout) :: pack
 
         call pack%item(self%room, self%fallen, self%loosened, self%seen)
+        call pack%item(self%last_part, self%last_t, self%last_rate)
         call pack%item(self%reason)
         call pack%item(self%until)
     end subroutine pack_state

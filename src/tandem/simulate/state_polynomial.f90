@@ -8,15 +8,16 @@ module tandem_simulate_state_polynomial
     implicit none (type, external)
     private
 
-    public :: state_polynomial_type, most_nodes
+    public :: state_polynomial_type, most_nodes, quadrature_nodes, quadrature_weights
 
     !> Largest number of states, and number of conditions at each.
     integer, parameter :: most_nodes = 6, conditions = 2
     !> Gauss's quadrature for the interval [0, 1], exact for polynomials of degree 13.
-    real(wp), parameter :: nodes(7) = [0.02544604382862073774_wp, 0.12923440720030278007_wp, 0.29707742431130141655_wp, 0.5_wp, &
-        0.70292257568869858345_wp, 0.87076559279969721993_wp, 0.97455395617137926226_wp]
-    real(wp), parameter :: weights(7) = [0.06474248308443484664_wp, 0.13985269574463833395_wp, 0.19091502525255947248_wp, &
-        0.20897959183673469388_wp, 0.19091502525255947248_wp, 0.13985269574463833395_wp, 0.06474248308443484664_wp]
+    real(wp), parameter :: quadrature_nodes(7) = [0.02544604382862073774_wp, 0.12923440720030278007_wp, &
+        0.29707742431130141655_wp, 0.5_wp, 0.70292257568869858345_wp, 0.87076559279969721993_wp, 0.97455395617137926226_wp]
+    real(wp), parameter :: quadrature_weights(7) = [0.06474248308443484664_wp, 0.13985269574463833395_wp, &
+        0.19091502525255947248_wp, 0.20897959183673469388_wp, 0.19091502525255947248_wp, 0.13985269574463833395_wp, &
+        0.06474248308443484664_wp]
 
     type :: state_polynomial_type
         !> Number of terms. Term k of the velocities is c(:, k) times the product of x - zeros(i), i < k, with the time x since t0.
@@ -28,7 +29,7 @@ module tandem_simulate_state_polynomial
         !> Work space (n) each.
         real(wp), allocatable, private :: qd(:), qdd(:)
     contains
-        procedure :: begin, add_state, add_acceleration, add_power, evaluate, pack_state
+        procedure :: begin, add_state, add_velocity, add_acceleration, evaluate, pack_state
     end type state_polynomial_type
 
 contains
@@ -58,6 +59,17 @@ contains
         class(state_polynomial_type), intent(inout) :: self
         real(wp), intent(in) :: t
         real(wp), intent(in), contiguous :: qd(:), qdd(:)
+
+        call self%add_velocity(t, qd)
+        call self%add_acceleration(t, qdd)
+    end subroutine add_state
+
+    !> Let the polynomial also have given velocities at a time.
+    pure subroutine add_velocity(self, t, qd)
+        class(state_polynomial_type), intent(inout) :: self
+        real(wp), intent(in) :: t
+        !> (n).
+        real(wp), intent(in), contiguous :: qd(:)
         real(wp) :: x, product(conditions)
         integer :: i
 
@@ -69,8 +81,7 @@ contains
         do i = 1, size(qd)
             self%c(i, self%n_terms) = (qd(i) - self%qd(i))/product(1)
         end do
-        call self%add_acceleration(t, qdd)
-    end subroutine add_state
+    end subroutine add_velocity
 
     !> Let the polynomial also have given accelerations at a time, by a last term.
     pure subroutine add_acceleration(self, t, qdd)
@@ -89,17 +100,6 @@ contains
             self%c(i, self%n_terms) = (qdd(i) - self%qdd(i))/product(2)
         end do
     end subroutine add_acceleration
-
-    !> Add the next power of the time since t0 to the velocities, if the terms so far are powers.
-    pure subroutine add_power(self, coefficients)
-        class(state_polynomial_type), intent(inout) :: self
-        !> (n).
-        real(wp), intent(in) :: coefficients(:)
-
-        self%n_terms = self%n_terms + 1
-        self%zeros(self%n_terms) = 0.0_wp
-        self%c(:, self%n_terms) = coefficients
-    end subroutine add_power
 
     !> The product of all factors x - zeros, and its derivative.
     pure subroutine find_product(self, x, product)
@@ -142,10 +142,10 @@ contains
         integer :: i, k
 
         q(:) = 0.0_wp
-        do k = 1, size(nodes)
-            call find_rates(self, nodes(k)*(t - self%t0), qd, qdd)
+        do k = 1, size(quadrature_nodes)
+            call find_rates(self, quadrature_nodes(k)*(t - self%t0), qd, qdd)
             do i = 1, size(q)
-                q(i) = q(i) + weights(k)*qd(i)
+                q(i) = q(i) + quadrature_weights(k)*qd(i)
             end do
         end do
         do i = 1, size(q)

@@ -513,7 +513,7 @@ contains
         call self%local_error%begin_step(self%state%t)
         call renew_by_policy(self, error)
         if (allocated(error)) return
-        is_close = self%lost_rank%comes_close(room)
+        is_close = self%lost_rank%comes_close(self%chart, self%state%t, room)
         if (.not. is_close) is_close = self%lost_rank%limits(self%control%h, room)
         if (.not. is_close) is_close = self%crossing%is_due(self%state%t, self%control%h, room)
         if (is_close) then

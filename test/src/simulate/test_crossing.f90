@@ -43,7 +43,7 @@ contains
             new_unittest('estimated-errors-cover-the-true-ones', test_estimates), &
             new_unittest('a-linkage-that-only-comes-near-turns-off', test_near), &
             new_unittest('a-run-may-stop-there-instead', test_stop), &
-            new_unittest('too-slow-a-motion-is-not-passed', test_slow), &
+            new_unittest('a-motion-that-turns-around-there', test_slow), &
             new_unittest('the-motion-within-a-crossing', test_within), &
             new_unittest('an-event-within-a-crossing', test_event), &
             new_unittest('a-resumed-run-crosses-alike', test_resumption), &
@@ -370,22 +370,37 @@ contains
         if (.not. allocated(error)) call check_below(error, simulation%state%t, 0.169_wp, 'time of the stop')
     end subroutine test_stop
 
-    !> Cranks that come to rest in the flat position: the motion behind it is uncertain, and the run stops with the reason.
+    !> Cranks that reach the flat position with hardly any velocity, turn around just behind or before it, and return. They stay a
+    !> parallelogram; a run ends by name if two crossings follow each other too closely.
     subroutine test_slow(error)
         type(error_type), allocatable, intent(out) :: error
         type(crank_pair_type), target :: model
         type(simulation_type) :: simulation
         type(failure_type), allocatable :: failure
         type(options_type) :: options
-        real(wp) :: q(4), qd(4)
+        real(wp) :: q(4), qd(4), angle, rate
+        integer :: i, n_named
 
-        ! From below, with the energy to reach the flat position up to 1e-8.
+        n_named = 0
         call model%define()
-        call model%start(-1.0_wp, sqrt(2*gravity*sin(1.0_wp)) + 1.0e-9_wp, q, qd)
         options = choose(stepper='dop853')
         call change_stepper(options, options%stepper, rtol=1.0e-8_wp)
-        call run(simulation, model, options, 0.0_wp, q, qd, 3.0_wp, failure)
-        call check_failure(error, failure, 'rank_deficient', 'not passed')
+        do i = 2, 21
+            angle = -1.0_wp
+            rate = sqrt(2*gravity*sin(1.0_wp)) + (-1)**i*10.0_wp**(-i/2)
+            call model%start(angle, rate, q, qd)
+            call run(simulation, model, options, 0.0_wp, q, qd, 3.0_wp, failure)
+            if (allocated(failure)) then
+                n_named = n_named + 1
+                call check_failure(error, failure, 'rank_deficient', 'not passed')
+            else
+                call turn(parallel, 3.0_wp, angle, rate)
+                call model%start(angle, rate, q, qd)
+                call check_close(error, simulation%state%q, q, 1.0e-6_wp, 'cranks')
+            end if
+            if (allocated(error)) return
+        end do
+        call check_true(error, n_named <= 2, 'most motions are passed')
     end subroutine test_slow
 
     !> States within crossings are as accurate as others, and satisfy the constraints.

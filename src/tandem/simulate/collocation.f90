@@ -1,0 +1,201 @@
+! SPDX-License-Identifier: MIT
+!> A polynomial from a state on that satisfies the equations of motion at some times (collocation). A fixed-point iteration determines
+!> it: evaluate the polynomial at these times, project, find the accelerations, and integrate them twice. C may lose rank between
+!> these times, where it is not evaluated; the iteration converges if the motion is not stiff.
+module tandem_simulate_collocation
+    use tandem_chart, only: chart_type, step_end
+    use tandem_kinds, only: wp
+    use tandem_simulate_local_error, only: local_error_type
+    use tandem_simulate_state_polynomial, only: quadrature_nodes, quadrature_weights, state_polynomial_type
+    use tandem_status, only: status_ok
+    use tandem_stepper_state, only: state_type
+    implicit none (type, external)
+    private
+
+    public :: collocation_type
+
+    !> Largest number of times.
+    integer, parameter :: most = 10
+
+    type :: collocation_type
+        !> Number of times, and the times in rising order; the start and its coordinates and velocities (n).
+        integer, private :: n = 0
+        real(wp), private :: t(most) = 0.0_wp, t0 = 0.0_wp
+        real(wp), allocatable, private :: q0(:), qd0(:)
+        !> Accelerations and velocities at the times (n, most).
+        real(wp), allocatable, private :: qdd(:, :), qd(:, :)
+        !> Time i is a weighted sum of accelerations: qd(t_i) = qd0 + sum_j weights(i, j) qdd(t_j).
+        real(wp), private :: weights(most, most) = 0.0_wp
+        !> True if the first time is the start.
+        logical, private :: has_start = .false.
+    contains
+        procedure :: begin, predict, iterate, find_difference
+    end type collocation_type
+
+contains
+
+    !> Begin at a state.
+    subroutine begin(self, t0, q0, qd0, times, qdd0)
+        class(collocation_type), intent(inout) :: self
+        !> The start, its coordinates and velocities (n), and later times in rising order, at most ten with the start.
+        real(wp), intent(in) :: t0, q0(:), qd0(:), times(:)
+        !> The acceleration at the start (n), if C has its rank there.
+        real(wp), intent(in), optional :: qdd0(:)
+        integer :: i, k
+
+        if (.not. allocated(self%q0)) then
+            allocate (self%q0(size(q0)), self%qd0(size(q0)), self%qdd(size(q0), most), self%qd(size(q0), most))
+        end if
+        self%t0 = t0
+        self%q0(:) = q0
+        self%qd0(:) = qd0
+        self%qdd(:, :) = 0.0_wp
+        self%has_start = present(qdd0)
+        self%n = size(times)
+        if (self%has_start) then
+            self%n = self%n + 1
+            self%t(1) = t0
+            self%qdd(:, 1) = qdd0
+        end if
+        self%t(self%n - size(times) + 1:self%n) = times
+        self%weights(:, :) = 0.0_wp
+        do i = 1, self%n
+            do k = 1, size(quadrature_nodes)
+                self%weights(i, :) = self%weights(i, :) + (self%t(i) - t0)*quadrature_weights(k)* &
+                    lagrange(self, t0 + quadrature_nodes(k)*(self%t(i) - t0), 0, 0)
+            end do
+        end do
+    end subroutine begin
+
+    !> The first guess of the accelerations: those of another polynomial.
+    subroutine predict(self, curve, work)
+        class(collocation_type), intent(inout) :: self
+        type(state_polynomial_type), intent(inout) :: curve
+        !> Work space.
+        type(state_type), intent(inout) :: work
+        integer :: i
+
+        do i = 1, self%n
+            if (i == 1 .and. self%has_start) cycle
+            call curve%evaluate(self%t(i), work%q, work%qd, work%qdd)
+            self%qdd(:, i) = work%qdd
+        end do
+    end subroutine predict
+
+    !> Iterate until the accelerations no longer change, or changes no longer fall.
+    subroutine iterate(self, chart, local_error, curve, state, work, change, off, stat)
+        class(collocation_type), intent(inout) :: self
+        class(chart_type), intent(inout) :: chart
+        type(local_error_type), intent(in) :: local_error
+        !> The polynomial.
+        type(state_polynomial_type), intent(inout) :: curve
+        !> The state at the last time, on the manifold; work space. Both are allocated.
+        type(state_type), intent(inout) :: state, work
+        !> The last change, and the largest distance of the polynomial from the manifold, relative to s + |y|.
+        real(wp), intent(out) :: change, off
+        !> Ok, or the status of an evaluation that has failed.
+        integer, intent(out) :: stat
+        integer, parameter :: most_passes = 12
+        !> Relative change by rounding; part to which a change must fall; passes that may do without.
+        real(wp), parameter :: rounding = 1.0e-14_wp, falls = 0.5_wp
+        integer, parameter :: first_passes = 3
+        real(wp) :: last_change, span
+        integer :: i, k, pass
+
+        last_change = huge(1.0_wp)
+        span = self%t(self%n) - self%t0
+        do pass = 1, most_passes
+            call build(self, curve)
+            off = 0.0_wp
+            change = 0.0_wp
+            do i = 1, self%n
+                if (i == 1 .and. self%has_start) cycle
+                call curve%evaluate(self%t(i), work%q, work%qd, work%qdd)
+                call state%begin(self%t(i), work%q, work%qd)
+                call chart%project(state%t, state%q, state%qd, .true., stat, exactly=.true.)
+                if (stat == status_ok) call chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
+                if (stat /= status_ok) return
+                do k = 1, size(work%q)
+                    work%dq(k) = state%q(k) - work%q(k)
+                    work%dqd(k) = state%qd(k) - work%qd(k)
+                end do
+                off = max(off, local_error%largest_part(state, work%dq, work%dqd))
+                do k = 1, size(work%q)
+                    work%dqd(k) = span*(state%qdd(k) - self%qdd(k, i))
+                    work%dq(k) = span*work%dqd(k)
+                    self%qdd(k, i) = state%qdd(k)
+                end do
+                change = max(change, local_error%largest_part(state, work%dq, work%dqd))
+            end do
+            if (change <= rounding .or. .not. (change < falls*last_change .or. pass <= first_passes)) exit
+            last_change = change
+        end do
+    end subroutine iterate
+
+    !> The change of the last state if some times are left out of the polynomial: an estimate of its error.
+    subroutine find_difference(self, first, last, dq, dqd)
+        class(collocation_type), intent(in) :: self
+        !> The first and the last time that are left out.
+        integer, intent(in) :: first, last
+        !> (n) each.
+        real(wp), intent(out) :: dq(:), dqd(:)
+        real(wp) :: of_qd(most), of_q(most), part(most), span, t
+        integer :: j, k
+
+        of_qd(:) = 0.0_wp
+        of_q(:) = 0.0_wp
+        span = self%t(self%n) - self%t0
+        do k = 1, size(quadrature_nodes)
+            t = self%t0 + quadrature_nodes(k)*span
+            part(:) = quadrature_weights(k)*span*(lagrange(self, t, first, last) - lagrange(self, t, 0, 0))
+            of_qd(:) = of_qd + part
+            of_q(:) = of_q + (self%t(self%n) - t)*part
+        end do
+        dq(:) = 0.0_wp
+        dqd(:) = 0.0_wp
+        do j = 1, self%n
+            dq(:) = dq + of_q(j)*self%qdd(:, j)
+            dqd(:) = dqd + of_qd(j)*self%qdd(:, j)
+        end do
+    end subroutine find_difference
+
+    !> Form the polynomial of the accelerations.
+    subroutine build(self, curve)
+        class(collocation_type), intent(inout) :: self
+        type(state_polynomial_type), intent(inout) :: curve
+        integer :: i, j
+
+        call curve%begin(self%t0, self%q0)
+        call curve%add_velocity(self%t0, self%qd0)
+        do i = 1, self%n
+            if (i == 1 .and. self%has_start) then
+                call curve%add_acceleration(self%t0, self%qdd(:, 1))
+                cycle
+            end if
+            self%qd(:, i) = self%qd0
+            do j = 1, self%n
+                self%qd(:, i) = self%qd(:, i) + self%weights(i, j)*self%qdd(:, j)
+            end do
+            call curve%add_velocity(self%t(i), self%qd(:, i))
+        end do
+    end subroutine build
+
+    !> Lagrange's polynomials of the times at a time, without some of them, whose polynomials are 0.
+    pure function lagrange(self, t, first_left_out, last_left_out) result(values)
+        type(collocation_type), intent(in) :: self
+        real(wp), intent(in) :: t
+        integer, intent(in) :: first_left_out, last_left_out
+        real(wp) :: values(most)
+        integer :: i, j
+
+        values(:) = 0.0_wp
+        do i = 1, self%n
+            if (i >= first_left_out .and. i <= last_left_out) cycle
+            values(i) = 1.0_wp
+            do j = 1, self%n
+                if (j == i .or. (j >= first_left_out .and. j <= last_left_out)) cycle
+                values(i) = values(i)*(t - self%t(j))/(self%t(i) - self%t(j))
+            end do
+        end do
+    end function lagrange
+end module tandem_simulate_collocation
