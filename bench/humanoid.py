@@ -23,7 +23,7 @@ import time
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-TANDEM = os.environ.get("TANDEM", str(ROOT / "build" / "optimised" / "tandem"))
+TANDEM = os.path.abspath(os.environ.get("TANDEM", ROOT / "build" / "optimised" / "tandem"))
 PLACE = Path(os.environ.get("ROBOTS", ROOT / "build" / "robots")).resolve()
 ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 TOLERANCES = ("1e-3", "1e-4", "1e-5", "1e-6", "1e-7", "1e-8", "1e-9")
@@ -86,6 +86,8 @@ def main():
     model = mujoco.MjModel.from_xml_path(str(path))
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_LIMIT
     with tempfile.TemporaryDirectory() as folder:
+        # MuJoCo writes its log there.
+        os.chdir(folder)
         scene = Path(folder) / "humanoid.toml"
         source = random.Random(1)
         posture = {model.joint(j).name: source.uniform(-BEND, BEND) for j in range(model.njnt) if model.jnt_type[j] == mujoco.mjtJoint.mjJNT_HINGE}

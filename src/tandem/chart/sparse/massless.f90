@@ -77,8 +77,8 @@ contains
             self%massless = pack([(j, j=1, size(has_mass))], .not. has_mass)
             self%n_massless = size(self%massless)
             self%added = part*given(self%massless)/scale(self%massless)**2
-            self%last_massless = spread(0.0_wp*self%added, 2, 2)
-            self%t_massless = 0.0_wp
+            self%history%qdd = spread(0.0_wp*self%added, 2, 2)
+            self%history%t = 0.0_wp
             if (.not. any(has_mass) .or. .not. all(given <= huge(1.0_wp))) self%n_massless = 0
         end associate
         call allocate_work(self)
@@ -156,6 +156,7 @@ contains
                 call factor%solve(a, .true., f, g, x, z)
                 return
             end if
+            call keep_history(self)
             left(:) = f
             self%no_rows(:) = 0.0_wp
             if (is_acceleration) then
@@ -193,14 +194,14 @@ contains
                 if (stat /= status_ok) exit
                 part = product/curvature
                 rest = part*largest_part(size(x), direction, x, self%scale, self%rate**2)
-                if (k > 1 .and. .not. self%is_held) self%reduction = min(max(rest/last, rounding), 1.0_wp)
+                if (k > 1) self%history%reduction = min(max(rest/last, rounding), 1.0_wp)
                 if (k > 1 .and. rest <= rounding*last) exit
                 call add_scaled(size(x), part, direction, x)
                 call add_scaled(size(z), part, change, z)
                 unbalanced(:) = unbalanced - part*moved
                 ! The refinement below reduces the error once more.
-                expected = rest*self%reduction
-                if (largest_rest < of_solution) expected = expected*self%reduction
+                expected = rest*self%history%reduction
+                if (largest_rest < of_solution) expected = expected*self%history%reduction
                 if (expected <= largest_rest) exit
                 if (k > 1 .and. rest <= largest_rounding .and. rest > slow*last) exit
                 before = product
@@ -215,15 +216,16 @@ contains
                 x(:) = x + d
                 z(:) = z + more
             end if
-            ! Points between steps leave no trace.
-            if (self%is_held .or. .not. is_acceleration .or. stat /= status_ok) return
-            if (abs(self%t_point - self%t_massless(1)) > 0.0_wp) then
-                self%last_massless(:, 2) = self%last_massless(:, 1)
-                self%t_massless(2) = self%t_massless(1)
-            end if
-            ! After a failed evaluation the next point needs another guess.
-            self%last_massless(:, 1) = merge(x(self%massless), 0.0_wp, abs(x(self%massless)) <= huge(1.0_wp))
-            self%t_massless(1) = self%t_point
+            if (.not. is_acceleration .or. stat /= status_ok) return
+            associate (qdd => self%history%qdd, times => self%history%t)
+                if (abs(self%t_point - times(1)) > 0.0_wp) then
+                    qdd(:, 2) = qdd(:, 1)
+                    times(2) = times(1)
+                end if
+                ! After a failed evaluation the next point needs another guess.
+                qdd(:, 1) = merge(x(self%massless), 0.0_wp, abs(x(self%massless)) <= huge(1.0_wp))
+                times(1) = self%t_point
+            end associate
         end associate
 
     contains
@@ -234,11 +236,13 @@ contains
             real(wp) :: ahead, interval
             integer :: i
 
-            ahead = self%t_point - self%t_massless(1)
-            interval = self%t_massless(1) - self%t_massless(2)
-            ahead = merge(ahead, 0.0_wp, abs(ahead) < farthest*abs(interval))
-            if (abs(ahead) > 0.0_wp) ahead = ahead/interval
-            self%guess(:) = self%last_massless(:, 1) + ahead*(self%last_massless(:, 1) - self%last_massless(:, 2))
+            associate (qdd => self%history%qdd, times => self%history%t)
+                ahead = self%t_point - times(1)
+                interval = times(1) - times(2)
+                ahead = merge(ahead, 0.0_wp, abs(ahead) < farthest*abs(interval))
+                if (abs(ahead) > 0.0_wp) ahead = ahead/interval
+                self%guess(:) = qdd(:, 1) + ahead*(qdd(:, 1) - qdd(:, 2))
+            end associate
             do i = 1, self%n_massless
                 associate (j => self%massless(i))
                     self%left(j) = self%left(j) + self%added(i)*self%guess(i)
@@ -292,12 +296,26 @@ contains
         end do
     end subroutine scale_and_add
 
+    !> Points between steps leave no trace: put the history aside before the first, and restore it after the last.
+    pure subroutine keep_history(self)
+        class(system_type), intent(inout) :: self
+
+        if (self%is_held .eqv. self%kept_history%is_kept) return
+        if (self%is_held) then
+            self%kept_history = self%history
+        else
+            self%history = self%kept_history
+        end if
+        self%kept_history%is_kept = self%is_held
+    end subroutine keep_history
+
     module procedure pack_massless
+        call keep_history(self)
         call pack%item(self%massless)
         call pack%item(self%added)
-        call pack%item(self%last_massless)
-        call pack%item(self%t_massless(1), self%t_massless(2))
-        call pack%item(self%reduction)
+        call pack%item(self%history%qdd)
+        call pack%item(self%history%t(1), self%history%t(2))
+        call pack%item(self%history%reduction)
         call pack%item(self%determines_massless)
         if (.not. allocated(self%massless)) return
         self%n_massless = size(self%massless)

@@ -533,7 +533,7 @@ contains
         !> Largest remainder of an acceleration, relative to itself, with the factor of a nearby point. At the end of a step it
         !> equals the rounding error of velocities; at a stage it is at most 1e-3 of the error of `rk4` (measured).
         real(wp), parameter :: rest_at_end = 2.5e-13_wp, rest_at_stage = 1.0e-9_wp
-        !> Largest error at the end of a step that coordinates without mass cause.
+        !> Largest error at the end of a step that coordinates without mass cause; between steps it is that of stages.
         real(wp), parameter :: massless_at_end = 2.0e-14_wp
         integer :: pass
         logical :: is_solved
@@ -556,7 +556,7 @@ contains
             associate (here => s%factor(s%here))
                 s%g(:) = -s%model%terms%gamma
                 call s%solve_here(s%model%terms%force, s%g, qdd, s%z, merge(self%massless_tolerance, &
-                    massless_at_end, goal%is_stage), .true., stat)
+                    massless_at_end, goal%is_stage .or. s%is_held), .true., stat)
                 if (stat /= status_ok) then
                     call self%fail_here(stat)
                     return
