@@ -159,19 +159,19 @@ contains
             call keep_history(self)
             left(:) = f
             self%no_rows(:) = 0.0_wp
-            if (is_acceleration) then
-                call add_guess()
-            else
-                self%guess(:) = 0.0_wp
-            end if
+            self%guess(:) = 0.0_wp
+            if (is_acceleration) call add_guess(self)
             call factor%solve(a, .true., left, g, x, z)
-            call begin_unbalanced()
+            ! The solution balances f but for the forces of the added mass, apart from reactions, which do no work in the null
+            ! space: so the iteration needs the unbalanced forces of these coordinates alone, without their rounding.
+            unbalanced(:) = self%added*(x(self%massless) - self%guess)
+            left(:) = 0.0_wp
             ! With the largest ratio, a step of this size is negligible; its direction is rounding.
             least = sum(self%added*(largest_rest/largest_ratio*self%rate**2*self%scale(self%massless))**2)
             before = 1.0_wp
             last = 0.0_wp
             do k = 1, most
-                call scatter_unbalanced()
+                left(self%massless) = unbalanced
                 if (k == 1) then
                     call factor%solve(a, .true., left, self%no_rows, direction, change)
                     product = sum(unbalanced*direction(self%massless))
@@ -216,61 +216,45 @@ contains
                 x(:) = x + d
                 z(:) = z + more
             end if
-            if (.not. is_acceleration .or. stat /= status_ok) return
-            associate (qdd => self%history%qdd, times => self%history%t)
-                if (abs(self%t_point - times(1)) > 0.0_wp) then
-                    qdd(:, 2) = qdd(:, 1)
-                    times(2) = times(1)
-                end if
-                ! After a failed evaluation the next point needs another guess.
-                qdd(:, 1) = merge(x(self%massless), 0.0_wp, abs(x(self%massless)) <= huge(1.0_wp))
-                times(1) = self%t_point
-            end associate
+            if (is_acceleration .and. stat == status_ok) call note(self, x)
         end associate
-
-    contains
-
-        !> Begin with the acceleration at this time by the last two.
-        subroutine add_guess()
-            real(wp), parameter :: farthest = 2.0_wp
-            real(wp) :: ahead, interval
-            integer :: i
-
-            associate (qdd => self%history%qdd, times => self%history%t)
-                ahead = self%t_point - times(1)
-                interval = times(1) - times(2)
-                ahead = merge(ahead, 0.0_wp, abs(ahead) < farthest*abs(interval))
-                if (abs(ahead) > 0.0_wp) ahead = ahead/interval
-                self%guess(:) = qdd(:, 1) + ahead*(qdd(:, 1) - qdd(:, 2))
-            end associate
-            do i = 1, self%n_massless
-                associate (j => self%massless(i))
-                    self%left(j) = self%left(j) + self%added(i)*self%guess(i)
-                end associate
-            end do
-        end subroutine add_guess
-
-        !> The solution balances f but for the forces of the added mass, apart from reactions, which do no work in the null space:
-        !> so the iteration needs the unbalanced forces of these coordinates alone, without their rounding.
-        subroutine begin_unbalanced()
-            integer :: i
-
-            do i = 1, self%n_massless
-                associate (j => self%massless(i))
-                    self%unbalanced(i) = self%added(i)*(x(j) - self%guess(i))
-                end associate
-            end do
-            self%left(:) = 0.0_wp
-        end subroutine begin_unbalanced
-
-        subroutine scatter_unbalanced()
-            integer :: i
-
-            do i = 1, self%n_massless
-                self%left(self%massless(i)) = self%unbalanced(i)
-            end do
-        end subroutine scatter_unbalanced
     end procedure solve_here
+
+    !> Begin with the acceleration at this time that the last two predict.
+    pure subroutine add_guess(self)
+        class(system_type), intent(inout) :: self
+        real(wp), parameter :: farthest = 2.0_wp
+        real(wp) :: ahead, interval
+        integer :: i
+
+        associate (qdd => self%history%qdd, times => self%history%t)
+            ahead = self%t_point - times(1)
+            interval = times(1) - times(2)
+            ahead = merge(ahead, 0.0_wp, abs(ahead) < farthest*abs(interval))
+            if (abs(ahead) > 0.0_wp) ahead = ahead/interval
+            self%guess(:) = qdd(:, 1) + ahead*(qdd(:, 1) - qdd(:, 2))
+        end associate
+        do i = 1, self%n_massless
+            associate (j => self%massless(i))
+                self%left(j) = self%left(j) + self%added(i)*self%guess(i)
+            end associate
+        end do
+    end subroutine add_guess
+
+    !> Store the acceleration at the last point. After a failed evaluation the next point needs another guess.
+    pure subroutine note(self, x)
+        class(system_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: x(:)
+
+        associate (qdd => self%history%qdd, times => self%history%t)
+            if (abs(self%t_point - times(1)) > 0.0_wp) then
+                qdd(:, 2) = qdd(:, 1)
+                times(2) = times(1)
+            end if
+            qdd(:, 1) = merge(x(self%massless), 0.0_wp, abs(x(self%massless)) <= huge(1.0_wp))
+            times(1) = self%t_point
+        end associate
+    end subroutine note
 
     !> x := x + part y.
     pure subroutine add_scaled(n, part, y, x)
