@@ -86,6 +86,7 @@ contains
             new_unittest('points-within-steps-beside-bodies-without-mass', test_looks), &
             new_unittest('bodies-without-mass-come-to-rest', test_rest), &
             new_unittest('a-load-far-from-a-body-without-mass', test_far_load), &
+            new_unittest('a-small-load-on-two-slides', test_small_load), &
             new_unittest('a-body-without-mass-that-turns-freely-is-refused', test_free_body), &
             new_unittest('redundant-rows-at-velocity-level', test_redundant), &
             new_unittest('couplings-that-can-be-freed', test_coupling), &
@@ -280,6 +281,36 @@ contains
             if (allocated(error)) return
         end do
     end subroutine test_far_load
+
+    !> A load of small inertia on two slides with dampers, which are couplings with a sum without mass: closed forms.
+    subroutine test_small_load(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: mass = 0.3_wp, speeds(2) = [0.1_wp, -0.7_wp]
+        type(scene_type), target :: scene
+        type(simulation_type) :: run
+        character(len=:), allocatable :: text
+        character(len=1) :: axis
+        integer :: k
+
+        text = '[scene]'//nl//'model = "mechanism"'//nl//'[time]'//nl//'end = 1'//nl// &
+            '[body.between]'//nl//'mass = 0'//nl//'inertia = [0, 0, 0]'//nl//'position = [0.25, 0, 0.01]'//nl// &
+            'velocity = [0.1, 0, 0]'//nl// &
+            '[body.load]'//nl//'mass = 0.3'//nl//'inertia = [1.2e-5, 1.2e-5, 1.2e-5]'//nl//'position = [0.25, 0.2, 0.01]'//nl// &
+            'velocity = [0.1, -0.7, 0]'//nl// &
+            '[joint.x]'//nl//'type = "prismatic"'//nl//'bodies = ["ground", "between"]'//nl//'at = [0, 0, 0.01]'//nl// &
+            'axis = [1, 0, 0]'//nl//'[joint.y]'//nl//'type = "prismatic"'//nl//'bodies = ["between", "load"]'//nl// &
+            'at = [0.25, 0, 0.01]'//nl//'axis = [0, 1, 0]'//nl
+        do k = 1, 2
+            axis = 'xy'(k:k)
+            text = text//'[constraint.s'//axis//']'//nl//'type = "coupling"'//nl//'joints = ["'//axis//'"]'//nl//'factors = [1]'// &
+                nl//'inertia = 0'//nl//'[force.f'//axis//']'//nl//'type = "torsion"'//nl//'joint = "s'//axis//'"'//nl// &
+                'damping = 1'//nl
+        end do
+        call begin(text, controlled(1.0e-6_wp, 'sparse', 'dop853'), scene, run, error)
+        if (allocated(error)) return
+        ! Rounding of the factor, whose smallest pivot is 2e-8 of the row.
+        call check_close(error, run%state%qdd(8:9), -speeds/mass, 1.0e-12_wp, 'accelerations')
+    end subroutine test_small_load
 
     !> Without forces it would not move: the start is refused nevertheless.
     subroutine test_free_body(error)

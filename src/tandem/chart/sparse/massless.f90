@@ -162,6 +162,15 @@ contains
             self%guess(:) = 0.0_wp
             if (is_acceleration) call add_guess(self)
             call factor%solve(a, .true., left, g, x, z)
+            if (largest_rest < of_solution) then
+                ! Rounding of C x, which a later correction would turn into unbalanced forces.
+                self%no_rows(:) = g
+                call factor%multiply(a, x, self%no_rows)
+                call factor%solve(a, .false., left, self%no_rows, d, more)
+                x(:) = x + d
+                z(:) = z + more
+                self%no_rows(:) = 0.0_wp
+            end if
             ! The solution balances f but for the forces of the added mass, apart from reactions, which do no work in the null
             ! space: so the iteration needs the unbalanced forces of these coordinates alone, without their rounding.
             unbalanced(:) = self%added*(x(self%massless) - self%guess)
