@@ -155,7 +155,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, intent(in), optional :: kept(:)
         character(len=120) :: obstacle
-        real(wp), parameter :: of_velocities = 10.0_wp, of_accelerations = 1.0e-11_wp, small = 1.0e-3_wp
+        real(wp), parameter :: of_velocities = 10.0_wp, of_accelerations = 1.0e-11_wp
 
         obstacle = find_obstacle(model, options, implicit)
         if (obstacle == '' .and. present(kept)) obstacle = 'redundant rows need the dense chart'
@@ -180,8 +180,7 @@ contains
             self%stage_tolerance = max(self%tolerance, self%end_tolerance)
             self%stage_velocity_tolerance = of_velocities*self%tolerance
         end if
-        self%massless_tolerance = of_accelerations
-        if (options%is_adaptive()) self%massless_tolerance = max(of_accelerations, small*options%relative_tolerance())
+        self%massless_tolerance = max(of_accelerations, options%stage_tolerance())
         ! Without temporaries, which would fragment the memory.
         if (allocated(self%scale)) deallocate (self%scale, self%q0, self%qd0, self%delta, self%curve, self%delta_rate, &
             self%phi_weight, self%velocity_weight, self%rounding)
