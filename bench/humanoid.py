@@ -27,7 +27,7 @@ TANDEM = os.path.abspath(os.environ.get("TANDEM", ROOT / "build" / "optimised" /
 PLACE = Path(os.environ.get("ROBOTS", ROOT / "build" / "robots")).resolve()
 ENVIRONMENT = os.environ | {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 TOLERANCES = ("1e-3", "1e-4", "1e-5", "1e-6", "1e-7", "1e-8", "1e-9")
-STEPS = {"RK4": (125, 250, 500, 1000, 2000, 4000), "implicitfast": (500, 2000, 8000)}
+STEPS = {"RK4": (250, 300, 400, 500, 1000, 2000, 4000), "implicitfast": (500, 2000, 8000)}
 FINEST = 32000
 #: Largest angle of a hinge at the start (rad).
 BEND = 0.5
