@@ -265,6 +265,9 @@ contains
         allocate (self%pattern)
         call self%pattern%build(self%first, self%mass_blocks, size(owner), rows, bodies, owner)
         deallocate (rows, bodies, owner)
+        do i = 1, size(self%hinges)
+            call self%pattern%tell_meeting(self%hinges(i)%row, 5, self%hinges(i)%first)
+        end do
         do i = 1, size(self%hinge_groups)
             associate (group => self%hinge_groups(i))
                 do l = 1, group%n

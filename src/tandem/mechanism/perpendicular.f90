@@ -8,7 +8,7 @@
 module tandem_mechanism_perpendicular
     use tandem_kinds, only: wp
     use tandem_mechanism_pair, only: columns, n_local, place_1, place_2, put_holonomic, turn_1, turn_2
-    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turn, turned
+    use tandem_mechanism_pose, only: gradient_matrix, gradient_of, pose_type, second_gradient, turn
     use tandem_model_derivatives, only: derivatives_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_nu, need_phi, terms_type
     implicit none (type, external)
@@ -128,8 +128,8 @@ contains
         integer :: k
 
         do k = 0, last
-            a(:, k) = turned(pose(perpendicular%first), k, perpendicular%a)
-            d(:, k) = turned(pose(perpendicular%second), k, perpendicular%b)
+            call turn(pose(perpendicular%first)%a(:, :, k), perpendicular%a, a(:, k))
+            call turn(pose(perpendicular%second)%a(:, :, k), perpendicular%b, d(:, k))
             if (perpendicular%is_point) d(:, k) = d(:, k) + pose(perpendicular%second)%r(:, k) - pose(perpendicular%first)%r(:, k)
         end do
     end subroutine set_vectors

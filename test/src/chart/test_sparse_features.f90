@@ -5,7 +5,9 @@ module test_sparse_features
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
     use large_runs, only: controlled, go_on
     use tandem, only: failure_type => error_type, long, options_type, simulation_type, statistics_type, wp
+    use tandem_chart_sparse_system, only: system_type
     use tandem_io, only: find_scene, read_scene, scene_type
+    use tandem_model_counts, only: counts_type
     use testdrive, only: error_type, new_unittest, unittest_type
     implicit none (type, external)
     private
@@ -80,8 +82,11 @@ contains
             new_unittest('friction-on-reactions', test_friction), &
             new_unittest('coordinates-without-mass', test_massless), &
             new_unittest('bodies-without-mass', test_hinges), &
+            new_unittest('unbalanced-forces-of-bodies-without-mass', test_unbalanced), &
+            new_unittest('points-within-steps-beside-bodies-without-mass', test_looks), &
             new_unittest('bodies-without-mass-come-to-rest', test_rest), &
             new_unittest('a-load-far-from-a-body-without-mass', test_far_load), &
+            new_unittest('a-small-load-on-two-slides', test_small_load), &
             new_unittest('a-body-without-mass-that-turns-freely-is-refused', test_free_body), &
             new_unittest('redundant-rows-at-velocity-level', test_redundant), &
             new_unittest('couplings-that-can-be-freed', test_coupling), &
@@ -103,8 +108,15 @@ contains
     !> Each of three links has three hinges with two bodies without mass between them, 42 coordinates in all.
     subroutine test_hinges(error)
         type(error_type), allocatable, intent(out) :: error
+
+        call compare(hinges(), 0, error)
+    end subroutine test_hinges
+
+    !> Their text.
+    pure function hinges() result(text)
+        character(len=:), allocatable :: text
         character(len=*), parameter :: axes(3) = [character(len=11) :: '[0, 0.6, 1]', '[0, 1, 0.3]', '[1, 0.2, 0]']
-        character(len=:), allocatable :: last, next, text
+        character(len=:), allocatable :: last, next
         character(len=1) :: link, number
         integer :: i, k
 
@@ -127,8 +139,71 @@ contains
                 last = next
             end do
         end do
-        call compare(text, 0, error)
-    end subroutine test_hinges
+    end function hinges
+
+    !> A solution of low accuracy leaves unbalanced forces on coordinates without mass alone.
+    subroutine test_unbalanced(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scene
+        type(failure_type), allocatable :: failure
+        type(system_type) :: system
+        type(counts_type) :: counts
+        real(wp), allocatable :: qdd(:), left(:)
+        integer :: stat
+
+        call read_scene('test.toml', [character(len=1) ::], scene, failure, text=hinges())
+        call check_no_failure(error, failure)
+        if (allocated(error)) return
+        call system%initialize(scene%model, .false.)
+        call system%move_with(0.0_wp, scene%q, scene%qd, counts, stat)
+        call system%factorize(counts, stat)
+        call check_count(error, stat, 0, 'the status')
+        if (allocated(error)) return
+        qdd = scene%q
+        left = scene%q
+        system%g(:) = -system%model%terms%gamma
+        associate (force => system%model%terms%force)
+            call system%solve_here(force, system%g, qdd, system%z, 1.0_wp, .true., stat)
+            call system%factor(system%here)%find_unbalanced(system%analysis, system%model%terms%mass, force, qdd, system%z, left)
+            call check_true(error, maxval(abs(left(system%massless))) > 1.0e-12_wp*maxval(abs(force)), 'nothing is left')
+            left(system%massless) = 0.0_wp
+            ! Rounding of reactions, which are as large as the forces.
+            call check_close(error, left, 0.0_wp*left, 1.0e-13_wp*maxval(abs(force)), 'forces on other coordinates')
+        end associate
+    end subroutine test_unbalanced
+
+    !> Points within a step take one factor each if they follow each other, and leave no trace in later steps.
+    subroutine test_looks(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(scene_type), target :: scenes(2)
+        type(simulation_type) :: looking, blind
+        type(statistics_type) :: statistics
+        type(failure_type), allocatable :: failure
+        integer(long) :: before
+        integer :: k, step
+        integer, parameter :: n_looks = 8
+
+        call begin(hinges(), controlled(1.0e-6_wp, 'sparse'), scenes(1), looking, error)
+        call begin(hinges(), controlled(1.0e-6_wp, 'sparse'), scenes(2), blind, error)
+        if (allocated(error)) return
+        do step = 1, 6
+            call looking%step(1.0_wp, failure)
+            call check_no_failure(error, failure)
+            call blind%step(1.0_wp, failure)
+            call check_no_failure(error, failure)
+            do k = 1, n_looks
+                call looking%look_at(blind%state%t - looking%last_step*(1 - real(k, wp)/(n_looks + 1)), failure)
+                call check_no_failure(error, failure)
+                if (allocated(error)) return
+                statistics = looking%statistics()
+                ! The first one also evaluates stages of dense output.
+                if (k == 1) before = statistics%constraint_factorizations
+            end do
+            call check_true(error, statistics%constraint_factorizations - before <= n_looks, 'more than one factor a point')
+            call looking%look_back()
+        end do
+        call check_true(error, all(abs(looking%state%q - blind%state%q) <= 0.0_wp), 'a look changes the steps')
+    end subroutine test_looks
 
     !> Two slides with a body without mass between them, across gravity: accelerations decay until their squares underflow, or are
     !> rounding.
@@ -206,6 +281,36 @@ contains
             if (allocated(error)) return
         end do
     end subroutine test_far_load
+
+    !> A load of small inertia on two slides with dampers, which are couplings with a sum without mass: closed forms.
+    subroutine test_small_load(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: mass = 0.3_wp, speeds(2) = [0.1_wp, -0.7_wp]
+        type(scene_type), target :: scene
+        type(simulation_type) :: run
+        character(len=:), allocatable :: text
+        character(len=1) :: axis
+        integer :: k
+
+        text = '[scene]'//nl//'model = "mechanism"'//nl//'[time]'//nl//'end = 1'//nl// &
+            '[body.between]'//nl//'mass = 0'//nl//'inertia = [0, 0, 0]'//nl//'position = [0.25, 0, 0.01]'//nl// &
+            'velocity = [0.1, 0, 0]'//nl// &
+            '[body.load]'//nl//'mass = 0.3'//nl//'inertia = [1.2e-5, 1.2e-5, 1.2e-5]'//nl//'position = [0.25, 0.2, 0.01]'//nl// &
+            'velocity = [0.1, -0.7, 0]'//nl// &
+            '[joint.x]'//nl//'type = "prismatic"'//nl//'bodies = ["ground", "between"]'//nl//'at = [0, 0, 0.01]'//nl// &
+            'axis = [1, 0, 0]'//nl//'[joint.y]'//nl//'type = "prismatic"'//nl//'bodies = ["between", "load"]'//nl// &
+            'at = [0.25, 0, 0.01]'//nl//'axis = [0, 1, 0]'//nl
+        do k = 1, 2
+            axis = 'xy'(k:k)
+            text = text//'[constraint.s'//axis//']'//nl//'type = "coupling"'//nl//'joints = ["'//axis//'"]'//nl//'factors = [1]'// &
+                nl//'inertia = 0'//nl//'[force.f'//axis//']'//nl//'type = "torsion"'//nl//'joint = "s'//axis//'"'//nl// &
+                'damping = 1'//nl
+        end do
+        call begin(text, controlled(1.0e-6_wp, 'sparse', 'dop853'), scene, run, error)
+        if (allocated(error)) return
+        ! Rounding of the factor, whose smallest pivot is 2e-8 of the row.
+        call check_close(error, run%state%qdd(8:9), -speeds/mass, 1.0e-12_wp, 'accelerations')
+    end subroutine test_small_load
 
     !> Without forces it would not move: the start is refused nevertheless.
     subroutine test_free_body(error)

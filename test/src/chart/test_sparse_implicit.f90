@@ -549,7 +549,7 @@ contains
         call check_true(error, simulation%is_sparse, 'many bodies have a dense chart')
         call begin('sprung_chain', 20, options_type(stepper='radau5', step=1.0e-3_wp), mechanism, simulation, error)
         call check_true(error, simulation%is_sparse, 'many bodies have a dense chart with radau5')
-        call begin('sprung_chain', 3, options_type(stepper='sdirk54', step=1.0e-3_wp), mechanism, simulation, error)
+        call begin('sprung_chain', 2, options_type(stepper='sdirk54', step=1.0e-3_wp), mechanism, simulation, error)
         call check_true(error, .not. simulation%is_sparse, 'few bodies have a sparse chart')
     end subroutine test_choice
 

@@ -7,6 +7,7 @@ module test_sparse_nearby
     use large_runs, only: begin, go_on, scenes
     use scattered_numbers, only: scattered
     use tandem, only: failure_type => error_type, mechanism_type, options_type, simulation_type, statistics_type, terms_type, wp
+    use tandem_chart_sparse_meetings, only: of_hinges
     use tandem_chart_sparse_system, only: system_type
     use tandem_model_counts, only: counts_type
     use terms_at, only: get_terms
@@ -28,7 +29,8 @@ contains
             new_unittest('forces-that-are-not-balanced', test_unbalanced), &
             new_unittest('accelerations-beside-a-factor', test_accelerations), &
             new_unittest('looks-leave-no-trace', test_looks), &
-            new_unittest('steps-take-two-factors', test_factors)]
+            new_unittest('steps-take-two-factors', test_factors), &
+            new_unittest('few-hinges-have-short-columns', test_few_hinges)]
     end subroutine collect_sparse_nearby
 
     !> f - M x - C' lambda by full matrices, lambda in the order of the nodes, without the components of owned rows.
@@ -276,4 +278,24 @@ contains
             if (allocated(error)) return
         end do
     end subroutine test_factors
+
+    !> Columns of positions, the unit matrix with a sign, are stored neither for many hinges nor for few.
+    subroutine test_few_hinges(error)
+        type(error_type), allocatable, intent(out) :: error
+        type(mechanism_type), target :: mechanism
+        type(failure_type), allocatable :: failure
+        type(system_type) :: system
+        integer, parameter :: numbers(2) = [4, 16]
+        integer :: k
+
+        do k = 1, size(numbers)
+            mechanism = mechanism_type()
+            call make_large('spatial_chain', numbers(k), mechanism, failure)
+            call check_no_failure(error, failure)
+            if (allocated(error)) return
+            call system%initialize(mechanism, .true.)
+            call check_true(error, all(system%analysis%joints_of_body == of_hinges), 'positions have columns')
+            if (allocated(error)) return
+        end do
+    end subroutine test_few_hinges
 end module test_sparse_nearby

@@ -77,7 +77,8 @@ contains
             self%massless = pack([(j, j=1, size(has_mass))], .not. has_mass)
             self%n_massless = size(self%massless)
             self%added = part*given(self%massless)/scale(self%massless)**2
-            self%last_massless = 0.0_wp*self%added
+            self%history%qdd = spread(0.0_wp*self%added, 2, 2)
+            self%history%t = 0.0_wp
             if (.not. any(has_mass) .or. .not. all(given <= huge(1.0_wp))) self%n_massless = 0
         end associate
         call allocate_work(self)
@@ -110,11 +111,13 @@ contains
     subroutine allocate_work(self)
         class(system_type), intent(inout) :: self
 
-        if (allocated(self%step)) deallocate (self%step, self%direction, self%left, self%moved, self%no_rows, self%more)
+        if (allocated(self%step)) deallocate (self%step, self%direction, self%left, self%no_rows, self%more, self%change, &
+            self%unbalanced, self%moved, self%guess)
         if (self%n_massless == 0) return
         associate (n => size(self%scale))
-            allocate (self%step(n), self%direction(n), self%left(n), self%moved(n), self%no_rows(self%m), &
-                self%more(size(self%z)), source=0.0_wp)
+            allocate (self%step(n), self%direction(n), self%left(n), self%no_rows(self%m), self%more(size(self%z)), &
+                self%change(size(self%z)), self%unbalanced(self%n_massless), self%moved(self%n_massless), &
+                self%guess(self%n_massless), source=0.0_wp)
         end associate
     end subroutine allocate_work
 
@@ -141,50 +144,74 @@ contains
         real(wp), parameter :: largest_ratio = 1.0e12_wp
         !> Larger errors that do not decrease are not rounding.
         real(wp), parameter :: largest_rounding = 1.0e-9_wp, slow = 0.3_wp
-        !> Rounding error of a step relative to it: the factor loses the digits of the small mass.
-        real(wp), parameter :: rounding = 1.0e-8_wp
-        real(wp) :: before, curvature, last, least, product, rest
+        !> Rounding error of a step relative to it, and that of a solution: the factor loses the digits of the small mass.
+        real(wp), parameter :: rounding = 1.0e-8_wp, of_solution = 1.0e-12_wp
+        real(wp) :: before, curvature, expected, last, least, part, product, rest
         integer :: k
 
         stat = status_ok
-        associate (factor => self%factor(self%here), a => self%analysis, mass => self%model%terms%mass, d => self%step, &
-            direction => self%direction, left => self%left, moved => self%moved, more => self%more)
+        associate (factor => self%factor(self%here), a => self%analysis, d => self%step, direction => self%direction, &
+            left => self%left, unbalanced => self%unbalanced, moved => self%moved, more => self%more, change => self%change)
             if (self%n_massless == 0) then
                 call factor%solve(a, .true., f, g, x, z)
                 return
             end if
+            call keep_history(self)
             left(:) = f
-            if (is_acceleration) call add_guess()
-            call factor%solve(a, .true., left, g, x, z)
             self%no_rows(:) = 0.0_wp
+            self%guess(:) = 0.0_wp
+            if (is_acceleration) call add_guess(self)
+            call factor%solve(a, .true., left, g, x, z)
+            if (largest_rest < of_solution) then
+                ! Rounding of C x, which a later correction would turn into unbalanced forces.
+                self%no_rows(:) = g
+                call factor%multiply(a, x, self%no_rows)
+                call factor%solve(a, .false., left, self%no_rows, d, more)
+                x(:) = x + d
+                z(:) = z + more
+                self%no_rows(:) = 0.0_wp
+            end if
+            ! The solution balances f but for the forces of the added mass, apart from reactions, which do no work in the null
+            ! space: so the iteration needs the unbalanced forces of these coordinates alone, without their rounding.
+            unbalanced(:) = self%added*(x(self%massless) - self%guess)
+            left(:) = 0.0_wp
             ! With the largest ratio, a step of this size is negligible; its direction is rounding.
             least = sum(self%added*(largest_rest/largest_ratio*self%rate**2*self%scale(self%massless))**2)
             before = 1.0_wp
             last = 0.0_wp
             do k = 1, most
-                call factor%find_unbalanced(a, mass, f, x, z, left)
-                call factor%solve(a, .true., left, self%no_rows, d, more)
-                z(:) = z + more
-                ! In exact arithmetic, `left` times d: reactions in `left`, which do no work, would leave their rounding errors.
-                call self%pattern%multiply_mass(mass, d, left)
-                product = dot_product(d, left) + sum(self%added*d(self%massless)**2)
-                if (.not. product > least) exit
-                if (k > 1) then
-                    direction(:) = d + product/before*direction
-                    moved(:) = left + product/before*moved
+                left(self%massless) = unbalanced
+                if (k == 1) then
+                    call factor%solve(a, .true., left, self%no_rows, direction, change)
+                    product = sum(unbalanced*direction(self%massless))
                 else
-                    direction(:) = d
-                    moved(:) = left
+                    call factor%solve(a, .true., left, self%no_rows, d, more)
+                    product = sum(unbalanced*d(self%massless))
                 end if
-                curvature = dot_product(direction, moved)
+                if (.not. product > least) exit
+                ! A solution d for u has the forces M d = u - A d.
+                if (k == 1) then
+                    moved(:) = unbalanced - self%added*direction(self%massless)
+                else
+                    part = product/before
+                    call scale_and_add(size(d), part, d, direction)
+                    call scale_and_add(size(more), part, more, change)
+                    moved(:) = (unbalanced - self%added*d(self%massless)) + part*moved
+                end if
+                curvature = sum(direction(self%massless)*moved)
                 if (.not. curvature*largest_ratio > sum(self%added*direction(self%massless)**2)) stat = status_singular_mass
                 if (stat /= status_ok) exit
-                d(:) = product/curvature*direction
-                rest = largest_part(size(x), d, x, self%scale, self%rate**2)
-                if (k > 1) self%reduction = min(max(rest/last, rounding), 1.0_wp)
+                part = product/curvature
+                rest = part*largest_part(size(x), direction, x, self%scale, self%rate**2)
+                if (k > 1) self%history%reduction = min(max(rest/last, rounding), 1.0_wp)
                 if (k > 1 .and. rest <= rounding*last) exit
-                x(:) = x + d
-                if (rest*self%reduction <= largest_rest) exit
+                call add_scaled(size(x), part, direction, x)
+                call add_scaled(size(z), part, change, z)
+                unbalanced(:) = unbalanced - part*moved
+                ! The refinement below reduces the error once more.
+                expected = rest*self%history%reduction
+                if (largest_rest < of_solution) expected = expected*self%history%reduction
+                if (expected <= largest_rest) exit
                 if (k > 1 .and. rest <= largest_rounding .and. rest > slow*last) exit
                 before = product
                 last = rest
@@ -192,30 +219,96 @@ contains
             if (k > most) stat = status_singular_mass
             if (stat /= status_ok) factor%failed_coordinate = &
                 self%massless(maxloc(self%added*direction(self%massless)**2, dim=1))
-            if (.not. is_acceleration .or. stat /= status_ok) return
-            ! After a failed evaluation the next point needs another guess.
-            self%last_massless(:) = merge(x(self%massless), 0.0_wp, abs(x(self%massless)) <= huge(1.0_wp))
+            if (stat == status_ok .and. largest_rest < of_solution) then
+                call factor%find_unbalanced(a, self%model%terms%mass, f, x, z, left)
+                call factor%solve(a, .true., left, self%no_rows, d, more)
+                x(:) = x + d
+                z(:) = z + more
+            end if
+            if (is_acceleration .and. stat == status_ok) call note(self, x)
         end associate
-
-    contains
-
-        !> Begin with the last acceleration.
-        subroutine add_guess()
-            integer :: i
-
-            do i = 1, self%n_massless
-                associate (j => self%massless(i))
-                    self%left(j) = self%left(j) + self%added(i)*self%last_massless(i)
-                end associate
-            end do
-        end subroutine add_guess
     end procedure solve_here
 
+    !> Begin with the acceleration at this time that the last two predict.
+    pure subroutine add_guess(self)
+        class(system_type), intent(inout) :: self
+        real(wp), parameter :: farthest = 2.0_wp
+        real(wp) :: ahead, interval
+        integer :: i
+
+        associate (qdd => self%history%qdd, times => self%history%t)
+            ahead = self%t_point - times(1)
+            interval = times(1) - times(2)
+            ahead = merge(ahead, 0.0_wp, abs(ahead) < farthest*abs(interval))
+            if (abs(ahead) > 0.0_wp) ahead = ahead/interval
+            self%guess(:) = qdd(:, 1) + ahead*(qdd(:, 1) - qdd(:, 2))
+        end associate
+        do i = 1, self%n_massless
+            associate (j => self%massless(i))
+                self%left(j) = self%left(j) + self%added(i)*self%guess(i)
+            end associate
+        end do
+    end subroutine add_guess
+
+    !> Store the acceleration at the last point. After a failed evaluation the next point needs another guess.
+    pure subroutine note(self, x)
+        class(system_type), intent(inout) :: self
+        real(wp), intent(in), contiguous :: x(:)
+
+        associate (qdd => self%history%qdd, times => self%history%t)
+            if (abs(self%t_point - times(1)) > 0.0_wp) then
+                qdd(:, 2) = qdd(:, 1)
+                times(2) = times(1)
+            end if
+            qdd(:, 1) = merge(x(self%massless), 0.0_wp, abs(x(self%massless)) <= huge(1.0_wp))
+            times(1) = self%t_point
+        end associate
+    end subroutine note
+
+    !> x := x + part y.
+    pure subroutine add_scaled(n, part, y, x)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: part, y(n)
+        real(wp), intent(inout) :: x(n)
+        integer :: i
+
+        do i = 1, n
+            x(i) = x(i) + part*y(i)
+        end do
+    end subroutine add_scaled
+
+    !> x := y + part x.
+    pure subroutine scale_and_add(n, part, y, x)
+        integer, intent(in) :: n
+        real(wp), intent(in) :: part, y(n)
+        real(wp), intent(inout) :: x(n)
+        integer :: i
+
+        do i = 1, n
+            x(i) = y(i) + part*x(i)
+        end do
+    end subroutine scale_and_add
+
+    !> Points between steps leave no trace: put the history aside before the first, and restore it after the last.
+    pure subroutine keep_history(self)
+        class(system_type), intent(inout) :: self
+
+        if (self%is_held .eqv. self%kept_history%is_kept) return
+        if (self%is_held) then
+            self%kept_history = self%history
+        else
+            self%history = self%kept_history
+        end if
+        self%kept_history%is_kept = self%is_held
+    end subroutine keep_history
+
     module procedure pack_massless
+        call keep_history(self)
         call pack%item(self%massless)
         call pack%item(self%added)
-        call pack%item(self%last_massless)
-        call pack%item(self%reduction)
+        call pack%item(self%history%qdd)
+        call pack%item(self%history%t(1), self%history%t(2))
+        call pack%item(self%history%reduction)
         call pack%item(self%determines_massless)
         if (.not. allocated(self%massless)) return
         self%n_massless = size(self%massless)

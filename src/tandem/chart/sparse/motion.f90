@@ -47,6 +47,8 @@ module tandem_chart_sparse_motion
         real(wp) :: end_tolerance = 0.0_wp, stage_tolerance = 0.0_wp, velocity_tolerance = 0.0_wp, stage_velocity_tolerance = 0.0_wp
         !> Largest errors of the next iterate of a stage, if they may be larger than those of other points.
         real(wp) :: loose_position = 0.0_wp, loose_velocity = 0.0_wp
+        !> Largest error of the acceleration at stages that coordinates without mass cause.
+        real(wp) :: massless_tolerance = 0.0_wp
         !> Largest error if rounding prevents a smaller one: positions are judged by the scales at the start of a step here, by
         !> those at its end afterwards.
         real(wp) :: allowed = 0.0_wp
@@ -153,7 +155,7 @@ contains
         type(error_type), allocatable, intent(out) :: error
         integer, intent(in), optional :: kept(:)
         character(len=120) :: obstacle
-        real(wp), parameter :: of_velocities = 10.0_wp
+        real(wp), parameter :: of_velocities = 10.0_wp, of_accelerations = 1.0e-11_wp
 
         obstacle = find_obstacle(model, options, implicit)
         if (obstacle == '' .and. present(kept)) obstacle = 'redundant rows need the dense chart'
@@ -178,6 +180,7 @@ contains
             self%stage_tolerance = max(self%tolerance, self%end_tolerance)
             self%stage_velocity_tolerance = of_velocities*self%tolerance
         end if
+        self%massless_tolerance = max(of_accelerations, options%stage_tolerance())
         ! Without temporaries, which would fragment the memory.
         if (allocated(self%scale)) deallocate (self%scale, self%q0, self%qd0, self%delta, self%curve, self%delta_rate, &
             self%phi_weight, self%velocity_weight, self%rounding)
@@ -529,8 +532,8 @@ contains
         !> Largest remainder of an acceleration, relative to itself, with the factor of a nearby point. At the end of a step it
         !> equals the rounding error of velocities; at a stage it is at most 1e-3 of the error of `rk4` (measured).
         real(wp), parameter :: rest_at_end = 2.5e-13_wp, rest_at_stage = 1.0e-9_wp
-        !> Largest error of a stage and at the end of a step that coordinates without mass cause.
-        real(wp), parameter :: massless_at_stage = 1.0e-11_wp, massless_at_end = 2.0e-14_wp
+        !> Largest error at the end of a step that coordinates without mass cause; between steps it is that of stages.
+        real(wp), parameter :: massless_at_end = 2.0e-14_wp
         integer :: pass
         logical :: is_solved
 
@@ -551,8 +554,8 @@ contains
             end if
             associate (here => s%factor(s%here))
                 s%g(:) = -s%model%terms%gamma
-                call s%solve_here(s%model%terms%force, s%g, qdd, s%z, merge(massless_at_stage, massless_at_end, &
-                    goal%is_stage), .true., stat)
+                call s%solve_here(s%model%terms%force, s%g, qdd, s%z, merge(self%massless_tolerance, &
+                    massless_at_end, goal%is_stage .or. s%is_held), .true., stat)
                 if (stat /= status_ok) then
                     call self%fail_here(stat)
                     return

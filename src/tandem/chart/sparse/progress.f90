@@ -6,7 +6,7 @@ module tandem_chart_sparse_progress
     implicit none (type, external)
     private
 
-    public :: is_rounding, is_trusted, largest, largest_change, largest_part, learn, progress_type, unknown
+    public :: history_type, is_rounding, is_trusted, largest, largest_change, largest_part, learn, progress_type, unknown
 
     !> Represents an unknown error or part of an error.
     real(wp), parameter :: unknown = 1.0e100_wp
@@ -16,6 +16,14 @@ module tandem_chart_sparse_progress
         !> A correction leaves this part of an error per age of the factor.
         real(wp) :: ageing = unknown
     end type progress_type
+
+    !> The last two accelerations of coordinates without mass (:, 2), and the times; reduction of the error by a step of their
+    !> iteration; true if it is put aside.
+    type :: history_type
+        real(wp), allocatable :: qdd(:, :)
+        real(wp) :: t(2) = 0.0_wp, reduction = 1.0_wp
+        logical :: is_kept = .false.
+    end type history_type
 
 contains
 

@@ -8,7 +8,7 @@ module tandem_chart_sparse_system
     use tandem_chart_sparse_errors, only: judge_rows
     use tandem_chart_sparse_factor, only: factor_type
     use tandem_chart_sparse_nearby, only: nearby_type
-    use tandem_chart_sparse_progress, only: largest_change
+    use tandem_chart_sparse_progress, only: history_type, largest_change
     use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: are_same
     use tandem_model, only: model_type
@@ -57,12 +57,11 @@ module tandem_chart_sparse_system
         real(wp), allocatable :: added(:)
         integer :: n_massless = 0
         logical :: determines_massless = .false.
-        !> The last acceleration of these coordinates, and how much a step of its iteration reduced the error.
-        real(wp), allocatable :: last_massless(:)
-        real(wp) :: reduction = 1.0_wp
+        !> History of their iteration; that of the last step while points between steps are evaluated.
+        type(history_type), private :: history, kept_history
         real(wp), allocatable :: scale(:)
-        !> Work space of the iteration (n, m and unknowns); allocated if there are such coordinates.
-        real(wp), dimension(:), allocatable, private :: step, direction, left, moved, no_rows, more
+        !> Work space of the iteration (n, m, unknowns, and coordinates without mass); allocated if there are such coordinates.
+        real(wp), dimension(:), allocatable, private :: step, direction, left, no_rows, more, change, unbalanced, moved, guess
         class(model_type), pointer, private :: source => null()
         !> Friction on reactions; true if the forces of the last point contain it.
         type(normal_forces_type) :: normal_forces
@@ -184,11 +183,12 @@ contains
         allocate (self%q_point(model%n), self%qd_point(model%n), self%x(model%n), self%z(self%analysis%n_unknowns), &
             self%g(self%m), self%scales(self%m, 2), source=0.0_wp)
         self%rate = 1.0_wp/model%time_scale
-        if (allocated(self%massless)) deallocate (self%massless, self%added, self%last_massless)
+        if (allocated(self%massless)) deallocate (self%massless, self%added)
         self%source => model
         self%n_massless = 0
         self%determines_massless = .false.
-        self%reduction = 1.0_wp
+        self%history = history_type()
+        self%kept_history%is_kept = .false.
         if (allocated(self%scale)) deallocate (self%scale)
         allocate (self%scale, source=model%scales())
         self%normal_forces%n = 0
