@@ -24,6 +24,14 @@ SPRING = PLANE.replace("-9.81", "0") + '[body.mass]\nmass = 1\nposition = [3, 0]
     'bodies = ["ground", "mass"]\nat = [3, 0]\naxis = [1, 0]\n\n[force.coil]\ntype = "spring"\nbetween = ["ground", "mass"]\n' \
     'stiffness = 1\nlength = 2\n\n[sensor.way]\njoint = "line"\n\n[time]\nend = 3\n\n' + TIGHT
 
+# Upright cranks of length 1 and a coupler of length 2, J = 2/3 + 1 about the pivots, on a spring: a harmonic motion of 2 rad/s.
+CRANKS = PLANE.replace("-9.81", "0") + "".join(
+    f'[body.{name}]\nmass = 1\ninertia = "1/12"\nposition = [{x}, 0.5]\nvelocity = [-2.5, 0]\nomega = 5\npoints = {{ pin = [0, 0.5] }}\n\n'
+    f'[joint.{name}_pivot]\ntype = "revolute"\nbodies = ["ground", "{name}"]\nat = [{x}, 0]\n\n'
+    f'[joint.{name}_pin]\ntype = "revolute"\nbodies = ["{name}", "coupler"]\nat = "{name}.pin"\n\n' for name, x in (("left", 0), ("right", 2))) + \
+    '[body.coupler]\nmass = 1\ninertia = 1\nposition = [1, 1]\nvelocity = [-5, 0]\n\n[sensor.crank]\njoint = "left_pivot"\n\n' \
+    '[force.coil]\ntype = "torsion"\njoint = "left_pivot"\nstiffness = "20/3"\n\n[time]\nend = 1.2\n\n' + TIGHT
+
 
 def event(name, watch, value, direction="both", **keys):
     lines = {"name": name, "watch": watch, "direction": direction} | keys
@@ -44,6 +52,22 @@ class Watching(Mechanism):
         with self.went(self.scene(text), "time.end=0.5") as file:
             self.assertEqual([name.decode() for name in file["events/name"][:]], ["level"])
             self.near(file["events/q"][0][1], -0.5, 1e-12)
+
+    def test_a_change_in_a_singular_position(self):
+        """At, before and behind the flat position of a parallelogram a spring becomes stiffer."""
+        for beside in (0.0, 1e-6, -1e-6, 1e-3, -1e-3, 0.05, -0.05):
+            at = np.pi/2 + beside
+            t = np.arcsin(at/2.5)/2
+            rest = 4*(1.2 - t)
+            angle = at*np.cos(rest) + 5*np.cos(2*t)/4*np.sin(rest)
+            for kind in ("dense", "sparse"):
+                with self.subTest(beside=beside, kind=kind):
+                    text = CRANKS + event("stiffer", "/sensors/crank/angle", float(at), "rising", change="force.coil.stiffness = 80/3")
+                    with self.went(self.scene(text), f"solver.chart_kind={kind}") as file:
+                        self.near(file["events/time"][0], t, 1e-8)
+                        self.near(file["sensors/crank/angle"][-1], angle, 1e-7)
+                        if beside >= 0:
+                            self.near(file["events/singular/time"][0], np.arcsin(np.pi/5)/2, 1e-6)
 
     def test_a_limit_of_a_joint(self):
         """A joint's angle after more than a turn."""

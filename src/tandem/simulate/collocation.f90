@@ -1,7 +1,7 @@
 ! SPDX-License-Identifier: MIT
-!> A polynomial from a state on that satisfies the equations of motion at some times (collocation). A fixed-point iteration determines
-!> it: evaluate the polynomial at these times, project, find the accelerations, and integrate them twice. C may lose rank between
-!> these times, where it is not evaluated; the iteration converges if the motion is not stiff.
+!> A polynomial from a state on that satisfies the equations of motion at some times (collocation). A fixed-point iteration
+!> determines it: evaluate the polynomial at these times, project, find the accelerations, and integrate them twice. C may lose rank
+!> between these times, where it is not evaluated. The iteration converges if the motion is not stiff.
 module tandem_simulate_collocation
     use tandem_chart, only: chart_type, step_end
     use tandem_kinds, only: wp

@@ -1,7 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Steps over singular configurations: C loses rank at one instant, and the motion is smooth (theory, section 25). A polynomial
-!> through states before it continues the motion to a time behind it, where C has its rank again. The nearer the states, the smaller
-!> the error of the polynomial, and the larger the rounding errors of the states, which grow with the square of the condition of C.
+!> Steps over singular configurations: C loses rank at one instant, and the motion is smooth (theory, section 25). A polynomial from
+!> a state before it, the base, satisfies the equations of motion on both sides of it, to a time where C has its rank again
+!> (collocation). If that fails, since the motion is stiff, a polynomial through states before it continues the motion. The nearer
+!> the states, the smaller the error of either polynomial, and the larger the rounding errors of states and accelerations, which grow
+!> with the square and the cube of the condition of C.
 submodule(tandem_simulation) tandem_simulate_crossing
     use tandem_chart, only: need_independence
     use tandem_simulate_state_polynomial, only: most_nodes
@@ -18,8 +20,8 @@ submodule(tandem_simulation) tandem_simulate_crossing
 contains
 
     module procedure consider_crossing
-        !> Parts of the best independence: velocities of the polynomial are more accurate than those that C determines; a single state
-        !> locates a configuration.
+        !> Parts of the best independence below which velocities of the polynomial are more accurate than those that C determines, and
+        !> a single state locates a configuration.
         real(wp), parameter :: near_part = 3.0e-3_wp, near_one = 0.3_wp
         integer :: base
         logical :: is_collocated, is_nearest
@@ -173,15 +175,15 @@ contains
         end associate
     end subroutine independence_at
 
-    !> Find the motion behind the configuration from recent states at some distances, the most distant first, until the error is small
-    !> or grows, and keep the result with the smallest error.
+    !> Find the motion behind the configuration from recent states at some distances, the most distant first, until the error is
+    !> small or grows, and keep the result with the smallest error.
     subroutine choose_base(self, stop_at, base, is_collocated, is_nearest)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: stop_at
         !> The state; 0 if none gives a result.
         integer, intent(out) :: base
-        !> True if the result is that of a collocation; true if no more distant state gives a smaller error, so that a nearer one may
-        !> give a smaller one.
+        !> True if the result is that of a collocation; true if no more distant state gives a smaller error, so that a nearer one
+        !> may give a smaller one.
         logical, intent(out) :: is_collocated, is_nearest
         integer, parameter :: most_tries = 8
         !> A state that is not that much further away is left out, and so are all beyond this part of the best independence but the

@@ -31,8 +31,8 @@ module tandem_simulate_crossing_data
         type(recent_states_type) :: recent
         !> The motion through the last configuration, or through the one ahead.
         type(state_polynomial_type) :: curve
-        !> True if it describes the last step; true if it describes the next step, from a state at or near the configuration; true if
-        !> the configuration is listed.
+        !> True if it describes the last step; true if it describes the next step, from a state at or near the configuration; true
+        !> if the configuration is listed.
         logical :: is_last_step = .false., starts = .false., is_listed = .false.
         !> Time from which a crossing was tried last, and the reason why it was not made; blank if none was tried.
         real(wp) :: tried_at = -huge(1.0_wp)

@@ -704,8 +704,9 @@ contains
             if (self%options%refresh == 'refine') return
             allowed = self%options%constraint_tolerance
             ! An event or a stop within a crossing has a state of the polynomial.
-            if (self%crossing%is_last_step .and. (state%t < self%next%t .or. self%crossing%starts)) &
+            if (self%crossing%is_last_step .and. (state%t < self%next%t .or. self%crossing%starts)) then
                 allowed = max(allowed, of_crossing*self%crossing%record%error)
+            end if
             do i = 1, 3
                 if (self%errors(i) <= max(allowed, merge(self%options%position_tolerance(), 0.0_wp, i == 1))) cycle
                 call set_error(error, status_constraints_not_held, 'the '//trim(level(i))//' constraint "'// &
