@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
 !> Steps over singular configurations: C loses rank at one instant, and the motion is smooth (theory, section 25). A polynomial from
 !> a state before it, the base, satisfies the equations of motion on both sides of it, to a time where C has its rank again
-!> (collocation). If that fails, since the motion is stiff, a polynomial through states before it continues the motion. Nearer states
-!> mean smaller errors of either polynomial, and larger rounding errors of states and accelerations, which grow with the square and
-!> the cube of the condition of C.
+!> (collocation). If that fails, since the motion is stiff, a polynomial through states before it continues the motion. The nearer
+!> the base, the smaller the error of either polynomial, and the larger the rounding errors of states and accelerations, which grow
+!> with the square and the cube of the condition of C.
 submodule(tandem_simulation) tandem_simulate_crossing
     use tandem_chart, only: need_independence
     use tandem_simulate_state_polynomial, only: most_nodes
