@@ -349,14 +349,14 @@ contains
     end subroutine collocate
 
     !> Choose the end of the step: at least as far behind the configuration as the base before it, on the grid of fixed steps, or at
-    !> the next stop. A stop too near the configuration, unless functions of time change there, divides the step.
+    !> the next stop. A stop that is too near the configuration divides the step.
     subroutine choose_end(self, distance, stop_at)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: distance, stop_at
         !> Part of the distance that may be left to the next stop; parts of the best independence, and number of fixed steps, from
         !> which steps can continue, since closer to the configuration charts have a shorter reach, and need not be further away.
         real(wp), parameter :: remainder = 0.2_wp, sound_part = 0.01_wp, far_part = 0.25_wp, fixed_steps = 2.0_wp
-        real(wp) :: behind, breakpoint, sound
+        real(wp) :: behind, sound
 
         associate (crossing => self%crossing, record => self%crossing%record)
             sound = sound_part*self%chart%best_independence/crossing%rate
@@ -366,23 +366,8 @@ contains
             if (.not. self%options%is_adaptive()) record%t_to = self%t_start + self%options%step* &
                 real(ceiling((record%t_to - self%t_start)/self%options%step, long), wp)
             if (record%t_to + remainder*behind > stop_at .and. stop_at - record%t >= sound) record%t_to = stop_at
-            call find_breakpoint(self, breakpoint)
-            record%t_to = min(record%t_to, breakpoint)
-            if (crossing%rate*(record%t_to - record%t) >= least_part*self%chart%best_independence) return
-            crossing%obstacle = 'functions of time change at t = '//to_text(breakpoint)//', too near behind it'
-            record%t_to = record%t
         end associate
     end subroutine choose_end
-
-    !> The next time at which functions of time change.
-    pure subroutine find_breakpoint(self, breakpoint)
-        class(simulation_type), intent(in) :: self
-        real(wp), intent(out) :: breakpoint
-
-        breakpoint = huge(1.0_wp)
-        if (.not. allocated(self%model%breakpoints)) return
-        if (self%model%segment <= size(self%model%breakpoints)) breakpoint = self%model%breakpoints(self%model%segment)
-    end subroutine find_breakpoint
 
     !> The state behind the configuration: the polynomial, projected onto the constraints, and corrected by the accelerations there.
     !> The correction, and the way back to the base from the state found, give the error. Near the configuration states are
@@ -621,8 +606,9 @@ contains
                 end if
                 ! States before the configuration may be as inaccurate as they were near.
                 call crossing%recent%forget()
-                ! Charts reach no further than to a configuration in which C loses rank.
-                if (self%options%chart /= 'every_step') self%renewal%reason = by_failure
+                ! Charts reach no further than to a configuration in which C loses rank, nor do matrices and corrections of earlier
+                ! steps.
+                self%renewal%reason = by_failure
             else if (crossing%recent%is_full() .and. self%lost_rank%is_far() .and. modulo(self%tally%steps, far) /= 0) then
                 return
             end if
@@ -689,6 +675,7 @@ contains
         self%crossing%is_last_step = .true.
         self%lost_rank = lost_rank_type()
         call self%chart%forget_rank()
+        call self%chart%set_memory()
         call self%local_error%restart()
         call self%local_error%add(self%crossing%record%error, 1)
         self%attempts%cause = status_ok

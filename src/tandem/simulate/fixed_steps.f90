@@ -71,6 +71,9 @@ contains
         if (stat == status_ok) then
             call self%stepper%advance(self%chart, self%state, h, self%next, stat)
             if (stat == status_ok) then
+                if (self%local_error%has_jumped(self%state, self%next)) stat = status_position_diverged
+            end if
+            if (stat == status_ok) then
                 call self%lost_rank%check(self%chart, self%state, self%next, stat)
             else
                 call self%lost_rank%find_behind(self%chart, self%state, self%next, stat)

@@ -95,7 +95,7 @@ contains
 
     module procedure cross_breakpoint
         real(wp) :: qd(size(self%state%qd)), qdd(size(self%state%qd))
-        logical :: jumps
+        logical :: jumps, is_done
         integer :: stat
 
         ! The end of the next segment determines the smooth pieces within it.
@@ -119,7 +119,10 @@ contains
                 call self%chart%project(state%t, state%q, state%qd, .false., stat)
                 self%tally%velocity_jump = max(self%tally%velocity_jump, maxval(abs(state%qd - qd)))
             end if
-            if (stat == status_ok) call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
+            is_done = .false.
+            if (stat == status_ok .and. .not. jumps) call self%continue_on_branch(is_done)
+            if (stat == status_ok .and. .not. is_done) call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, &
+                stat)
             ! The chart of the step that ends here is kept for its dense output until the next step.
             self%renewal%reason = by_breakpoint
             self%attempts%n_collapsed = 0
@@ -131,7 +134,7 @@ contains
                 call self%fail(stat, 'at the breakpoint t = '//to_text(state%t), error)
             end if
             if (.not. allocated(error)) then
-                call self%crossing%note(state)
+                if (.not. is_done) call self%crossing%note(state)
                 return
             end if
             model%segment = model%segment - 1

@@ -234,7 +234,7 @@ contains
         self%t0 = t
         self%q0(:) = q
         self%qd0(:) = qd
-        call self%set_memory()
+        call begin_corrections(self)
         self%is_curve_old = .true.
         self%is_bend_old = .true.
         call self%system%visit(t, q, self%counts, stat)
@@ -356,16 +356,26 @@ contains
         call self%system%hold()
     end subroutine get_memory
 
+    !> Begin without corrections.
+    subroutine begin_corrections(self)
+        class(sparse_motion_type), intent(inout) :: self
+
+        self%delta = 0.0_wp
+        self%has_delta_rate = .false.
+        self%defect_of_delta = 0.0_wp
+        self%defect_of_rate = 0.0_wp
+    end subroutine begin_corrections
+
     !> Restore the saved start of the next step, or discard all results of a failed attempt.
     subroutine set_memory(self, memory)
         class(sparse_motion_type), intent(inout) :: self
         class(chart_memory_type), intent(in), optional :: memory
 
         if (.not. present(memory)) then
-            self%delta = 0.0_wp
-            self%has_delta_rate = .false.
-            self%defect_of_delta = 0.0_wp
-            self%defect_of_rate = 0.0_wp
+            call begin_corrections(self)
+            ! Near a loss of rank the corrections of a failed attempt may be of any size.
+            self%has_curve = .false.
+            self%has_bend = .false.
             return
         end if
         select type (memory)
