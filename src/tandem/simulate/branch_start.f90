@@ -143,8 +143,8 @@ contains
             if (.not. allocated(there%q)) call there%allocate(size(q))
             trial%qdd(:) = 0.0_wp
             call crossing%collocation%begin(t, q, qd, t + nodes*h)
-            call crossing%collocation%iterate(self%chart, self%local_error, size(nodes), crossing%curve, trial, there, change, &
-                off, stat)
+            call crossing%collocation%iterate(self%chart, self%local_error, size(nodes), 0.0_wp, crossing%curve, trial, there, &
+                change, off, stat)
             if (stat /= status_ok) return
             call crossing%collocation%find_difference(1, 1, there%dq, there%dqd)
             error = max(off, change, self%local_error%largest_part(trial, there%dq, there%dqd))

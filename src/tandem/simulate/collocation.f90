@@ -61,28 +61,31 @@ contains
 
     !> Iterate until the accelerations no longer change, or changes no longer fall. The first iterations include the times
     !> successively, so that each is predicted from near ones.
-    subroutine iterate(self, chart, local_error, n_first, curve, state, work, change, off, stat)
+    subroutine iterate(self, chart, local_error, n_first, tolerance, curve, state, work, left, off, stat)
         class(collocation_type), intent(inout) :: self
         class(chart_type), intent(inout) :: chart
         type(local_error_type), intent(in) :: local_error
         !> Number of times, with the start, in the first iteration.
         integer, intent(in) :: n_first
+        !> Change that may be left.
+        real(wp), intent(in) :: tolerance
         !> The polynomial.
         type(state_polynomial_type), intent(inout) :: curve
         !> The state at the last time, on the manifold; work space. Both are allocated.
         type(state_type), intent(inout) :: state, work
         !> What is left of the changes, as they fall, and the largest distance of the polynomial from the manifold, both relative to
         !> s + |y|.
-        real(wp), intent(out) :: change, off
+        real(wp), intent(out) :: left, off
         !> Ok, or the status of an evaluation that has failed.
         integer, intent(out) :: stat
         !> Times that a further iteration includes; iterations with all of them, and those whose changes need not fall.
         integer, parameter :: further = 2, most_passes = 20, first_passes = 3
         !> Relative change by rounding; part to which a change must fall.
         real(wp), parameter :: rounding = 1.0e-14_wp, falls = 0.7_wp
-        real(wp) :: last_change
+        real(wp) :: change, last_change
         integer :: n_known, n_next, pass
 
+        left = huge(1.0_wp)
         last_change = huge(1.0_wp)
         n_known = merge(1, 0, self%has_start)
         pass = 0
@@ -94,13 +97,14 @@ contains
             if (stat /= status_ok) return
             if (n_known == self%n) then
                 pass = pass + 1
-                if (change <= rounding .or. pass == most_passes .or. .not. (change < falls*last_change .or. &
+                left = change
+                if (pass > 1 .and. change < falls*last_change) left = change**2/(last_change - change)
+                if (left <= max(tolerance, rounding) .or. pass == most_passes .or. .not. (change < falls*last_change .or. &
                     pass <= first_passes)) exit
                 last_change = change
             end if
             n_known = n_next
         end do
-        if (change > rounding .and. change < falls*last_change) change = change**2/(last_change - change)
     end subroutine iterate
 
     !> The accelerations at the first times, on the manifold at the points of the polynomial.

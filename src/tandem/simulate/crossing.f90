@@ -13,7 +13,7 @@ submodule(tandem_simulation) tandem_simulate_crossing
     real(wp), parameter :: least_part = 1.0e-3_wp
     !> Largest error of a crossing: part of the tolerance; if no later step can reduce it, multiple of the tolerance, or
     !> relative; and in any case relative.
-    real(wp), parameter :: small_part = 0.02_wp, last_part = 100.0_wp, sure_error = 1.0e-5_wp, largest_error = 1.0e-4_wp
+    real(wp), parameter :: small_part = 0.05_wp, last_part = 100.0_wp, sure_error = 1.0e-5_wp, largest_error = 1.0e-4_wp
     !> Error of a position whose branches can be told apart, relative to its distance from the configuration.
     real(wp), parameter :: clear_part = 1.0e-2_wp
 
@@ -314,8 +314,9 @@ contains
         !> Times, relative to the distances of the base and of the end from the configuration; the nearest ones.
         real(wp), parameter :: before(4) = [0.8_wp, 0.6_wp, 0.4_wp, 0.2_wp], behind(5) = [0.2_wp, 0.4_wp, 0.6_wp, 0.8_wp, 1.0_wp]
         integer, parameter :: nearest(2) = [5, 6]
-        !> Largest relative change of an iteration that has converged.
-        real(wp), parameter :: converged = 1.0e-3_wp, least_fall = 0.1_wp
+        !> Largest relative change of an iteration that has converged; part of a sufficient error that it may leave; smallest factor
+        !> from one difference to the next.
+        real(wp), parameter :: converged = 1.0e-3_wp, left_part = 0.1_wp, least_fall = 0.1_wp
         real(wp) :: change, off, coarse, fine
         integer :: stat
 
@@ -325,8 +326,8 @@ contains
             call crossing%recent%get(base, crossing%values)
             call crossing%collocation%begin(t_from, crossing%values(:, 1), crossing%values(:, 2), [t - before*(t - t_from), &
                 t + behind*(t_to - t)], crossing%values(:, 3))
-            call crossing%collocation%iterate(self%chart, self%local_error, 1 + size(before), crossing%curve, state, predicted, &
-                change, off, stat)
+            call crossing%collocation%iterate(self%chart, self%local_error, 1 + size(before), left_part*sufficient_error(self), &
+                crossing%curve, state, predicted, change, off, stat)
             if (stat /= status_ok .or. .not. change <= converged) return
             crossing%apart = 0.0_wp
             crossing%spread = off

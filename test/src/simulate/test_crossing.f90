@@ -303,7 +303,9 @@ contains
         call check_no_failure(error, failure)
         if (allocated(error)) return
         call simulation%integrate(1.0_wp, failure)
-        call check_failure(error, failure, 'rank_deficient', 'constraint "pin y" with')
+        ! Which row is named first depends on rounding.
+        call check_failure(error, failure, 'rank_deficient', '"pin y"')
+        if (.not. allocated(error)) call check_failure(error, failure, 'rank_deficient', '" with "')
         if (.not. allocated(error)) call check_below(error, simulation%state%t, 0.169_wp, 'time of the stop')
     end subroutine test_stop
 

@@ -371,6 +371,7 @@ contains
         class(sparse_motion_type), intent(inout) :: self
         class(chart_memory_type), intent(in), optional :: memory
 
+        self%system%lowest = 1.0_wp
         if (.not. present(memory)) then
             call begin_corrections(self)
             ! Near a loss of rank the corrections of a failed attempt may be of any size.

@@ -35,24 +35,10 @@ contains
         integer, intent(out) :: stat
 
         if (moves_q) then
-            call self%restore_near(t, .not. exactly .and. is_close(), exactly, q, qd, stat)
+            call self%restore_near(t, .false., exactly, q, qd, stat)
         else
             call project_velocity(self, t, q, qd, stat)
         end if
-
-    contains
-
-        !> True if the last point is so close, as the previous row of output within a step is, that its factor may serve: the
-        !> positions that it gives differ by the distance from the manifold times the angle between both points.
-        pure logical function is_close()
-            real(wp), parameter :: close = 0.5_wp
-            integer :: i
-
-            is_close = .true.
-            do i = 1, self%n
-                is_close = is_close .and. abs(q(i) - self%system%q_point(i)) <= close*self%scale(i)
-            end do
-        end function is_close
     end subroutine do_project
 
     !> Remove from errors of rates at the point of the last projection their components normal to a curve.
@@ -211,7 +197,7 @@ contains
             end if
             now = sqrt(s%factor(s%here)%least)
             measure%dips = sqrt(s%lowest) < of_dip*min(self%independence, now)
-            s%lowest = s%factor(s%here)%least
+            s%lowest = 1.0_wp
             fall = self%independence - now
             falls = .not. now > horizon*fall
             if (falls .and. s%serves) then
