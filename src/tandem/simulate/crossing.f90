@@ -45,6 +45,7 @@ contains
                 if (base > 0) then
                     call compare(self, is_collocated, is_nearest)
                     call judge(self, .not. is_nearest, is_crossed)
+                    if (is_crossed) call refine_time(self)
                 end if
             end if
             call self%chart%set_memory(crossing%memory)
@@ -159,6 +160,26 @@ contains
             is_found = at > 0.0_wp .and. at_least <= left_over*here
         end associate
     end subroutine locate
+
+    !> The time of the configuration on the polynomial of the step over it, which is more accurate there than the one that located
+    !> it.
+    subroutine refine_time(self)
+        class(simulation_type), intent(inout) :: self
+        !> Times between which it lies, as parts of the best independence.
+        real(wp), parameter :: parts(2) = [2.0e-2_wp, 1.0e-3_wp]
+        real(wp) :: width, before, behind
+        integer :: k, stat
+
+        associate (crossing => self%crossing, t => self%crossing%record%t)
+            do k = 1, size(parts)
+                width = parts(k)*self%chart%best_independence/crossing%rate
+                call independence_at(self, t - width, before, stat)
+                if (stat == status_ok) call independence_at(self, t + width, behind, stat)
+                if (stat /= status_ok .or. .not. before + behind > 0.0_wp) return
+                t = t + width*(before - behind)/(before + behind)
+            end do
+        end associate
+    end subroutine refine_time
 
     !> The independence of C at a time, on the continued motion.
     subroutine independence_at(self, t, independence, stat)
