@@ -13,7 +13,7 @@ submodule(tandem_simulation) tandem_simulate_crossing
     real(wp), parameter :: least_part = 1.0e-3_wp
     !> Largest error of a crossing: part of the tolerance; if no later step can reduce it, multiple of the tolerance, or
     !> relative; and in any case relative.
-    real(wp), parameter :: small_part = 0.05_wp, last_part = 100.0_wp, sure_error = 1.0e-5_wp, largest_error = 1.0e-4_wp
+    real(wp), parameter :: small_part = 0.05_wp, last_part = 3.0_wp, sure_error = 1.0e-8_wp, largest_error = 1.0e-4_wp
     !> Error of a position whose branches can be told apart, relative to its distance from the configuration.
     real(wp), parameter :: clear_part = 1.0e-2_wp
 
@@ -250,13 +250,14 @@ contains
                     base = bases(i)
                     gap = gaps(k)
                     is_nearest = i == 1
+                    call self%crossing%keep_try()
                 end if
                 if (k == 0 .and. error <= max(enough, sufficient)) exit
             end do
             if (k == 0 .and. (least_error <= enough .or. .not. is_last)) exit
         end do
         is_collocated = .not. gap > 0.0_wp
-        if (base > 0 .and. .not. is_last) call continue_from(self, base, gap, stop_at, error)
+        if (base > 0 .and. .not. is_last) call self%crossing%take_best()
     end subroutine choose_base
 
     !> Relative error of a crossing that needs not be reduced: a part of the tolerance, or an error close to rounding.

@@ -24,6 +24,14 @@ module tandem_simulate_crossing_data
         real(wp) :: error = 0.0_wp
     end type crossing_record_type
 
+    !> Result of a try.
+    type :: crossing_try_type
+        type(crossing_record_type) :: record
+        type(state_type) :: trial
+        type(state_polynomial_type) :: curve
+        real(wp) :: spread = 0.0_wp, apart(2) = 0.0_wp
+    end type crossing_try_type
+
     !> Data of a run for crossings.
     type :: crossing_type
         !> True if singular configurations are to be passed.
@@ -48,6 +56,8 @@ module tandem_simulate_crossing_data
         real(wp) :: rate = 0.0_wp, near = 0.0_wp
         !> Its error in all directions, relative to s + |y|, and on the scales of coordinates and velocities.
         real(wp) :: spread = 0.0_wp, apart(2) = 0.0_wp
+        !> The best try so far.
+        type(crossing_try_type) :: best
         !> Determines the motion on both sides of it.
         type(collocation_type) :: collocation
         !> Work space: a state and its prediction; states of the polynomial (n, 3); the polynomial of the way back; the chart.
@@ -57,7 +67,7 @@ module tandem_simulate_crossing_data
         class(chart_memory_type), allocatable :: memory
     contains
         procedure :: initialize, note, forget, pack_state
-        procedure :: is_due
+        procedure :: is_due, keep_try, take_best
     end type crossing_type
 
 contains
@@ -85,6 +95,28 @@ contains
         is_due = self%is_on .and. left > 0.0_wp .and. h > 0.0_wp .and. left < 0.5_wp*(self%tried_for - self%tried_at)
         if (is_due) room = left
     end function is_due
+
+    !> Keep the last try as the best one.
+    subroutine keep_try(self)
+        class(crossing_type), intent(inout) :: self
+
+        self%best%record = self%record
+        self%best%trial = self%trial
+        self%best%curve = self%curve
+        self%best%spread = self%spread
+        self%best%apart = self%apart
+    end subroutine keep_try
+
+    !> Return to the best try.
+    subroutine take_best(self)
+        class(crossing_type), intent(inout) :: self
+
+        self%record = self%best%record
+        self%trial = self%best%trial
+        self%curve = self%best%curve
+        self%spread = self%best%spread
+        self%apart = self%best%apart
+    end subroutine take_best
 
     !> Store the state at the end of a step.
     pure subroutine note(self, state)
