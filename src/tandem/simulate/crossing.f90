@@ -260,7 +260,7 @@ contains
         if (base > 0 .and. .not. is_last) call self%crossing%take_best()
     end subroutine choose_base
 
-    !> Relative error of a crossing that needs not be reduced: a part of the tolerance, or an error close to rounding.
+    !> Relative error of a crossing that need not be reduced: a part of the tolerance, or an error close to rounding.
     pure real(wp) function sufficient_error(self)
         class(simulation_type), intent(in) :: self
         real(wp), parameter :: rounding = 5.0e-13_wp
