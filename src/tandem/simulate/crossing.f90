@@ -644,7 +644,7 @@ contains
         call take_from_curve(self, t, self%state, stat)
     end procedure look_into_crossing
 
-    !> The state at a time within the crossing.
+    !> The state at a time within the crossing, or at its end, which satisfies the constraints.
     subroutine take_from_curve(self, t, state, stat)
         class(simulation_type), intent(inout) :: self
         real(wp), intent(in) :: t
@@ -655,7 +655,7 @@ contains
             state%t = t
             call crossing%curve%evaluate(t, state%q, state%qd, state%qdd)
             stat = status_ok
-            if (abs(t - record%t) < crossing%near) return
+            if (abs(t - record%t) < crossing%near .and. t < record%t_to) return
             call self%chart%project(t, state%q, state%qd, .true., stat, exactly=.true.)
             if (stat == status_ok) call self%chart%accelerate(t, state%q, state%qd, step_end, state%qdd, stat)
         end associate
