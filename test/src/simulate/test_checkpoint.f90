@@ -12,8 +12,8 @@ module test_checkpoint
 
     public :: collect_checkpoint
 
-    character(len=14), parameter :: scenes(8) = [character(len=14) :: 'vehicle', 'disk', 'heavy_top', 'knife_edge', &
-        'stiff_pendulum', 'motorcycle', 'belt_wheel', 'redundant']
+    character(len=14), parameter :: scenes(9) = [character(len=14) :: 'vehicle', 'disk', 'heavy_top', 'knife_edge', &
+        'stiff_pendulum', 'motorcycle', 'belt_wheel', 'redundant', 'turning_rows']
     !> Number of steps of a run, and of states saved.
     integer, parameter :: n_steps = 45, n_moments = 3
 

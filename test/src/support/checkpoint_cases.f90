@@ -7,6 +7,7 @@ module checkpoint_cases
     use model_pendulum, only: pendulum_type
     use model_redundant, only: redundant_type
     use model_sleigh, only: sleigh_type
+    use model_turning_rows, only: turning_rows_type
     use runs, only: get_start, new_scene
     use tandem, only: failure_type => error_type, model_type, options_type, pack_type, simulation_type, threshold_event_type, wp
     implicit none (type, external)
@@ -54,6 +55,7 @@ contains
         type(belt_wheel_type), allocatable :: wheel
         type(sleigh_type), allocatable :: sleigh
         type(changing_type), allocatable :: pendulum
+        type(turning_rows_type), allocatable :: turning
         real(wp) :: qdd(2), lambda(2)
 
         select case (scene)
@@ -67,6 +69,13 @@ contains
             class is (redundant_type)
                 call model%wrap(self%inner, [1], [2.0_wp], 'a copy')
             end select
+        case ('turning_rows')
+            ! The motion makes another row redundant within half a turn.
+            allocate (turning)
+            call turning%define(with_gamma=.true.)
+            self%q = [1.0_wp, 0.0_wp, 0.0_wp]
+            self%qd = [0.0_wp, 10.0_wp, 0.0_wp]
+            call move_alloc(turning, self%model)
         case ('belt_wheel')
             allocate (wheel)
             call wheel%define()

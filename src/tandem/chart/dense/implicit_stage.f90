@@ -14,10 +14,10 @@ contains
         associate (terms => self%model%terms, r => self%velocity_basis%right_inverse, d => self%velocity_basis%null_space)
             call self%dynamics%multipliers(terms%mass, r, terms%force, qdd, self%work%lambda)
             if (allocated(self%rows%dropped)) then
-                call self%rows%expand(self%work%lambda)
+                call self%rows%expand(self%model%kept, self%work%lambda)
                 call self%differences%evaluate_derivatives(t, q, qd, qdd, self%rows%lambda, self%rows%derivatives, self%counts, &
                     stat)
-                call self%rows%take(self%derivatives)
+                call self%rows%take(self%model%kept, self%derivatives)
             else
                 call self%differences%evaluate_derivatives(t, q, qd, qdd, self%work%lambda, self%derivatives, self%counts, stat)
             end if

@@ -18,9 +18,8 @@ module tandem_chart_dense_rows_in_use
         !> The derivatives and the multipliers of all rows.
         type(derivatives_type) :: derivatives
         real(wp), allocatable :: lambda(:)
-        !> gamma of all rows; the rows in use.
+        !> gamma of all rows.
         real(wp), allocatable, private :: gamma(:)
-        integer, allocatable, private :: kept(:)
     contains
         procedure :: choose, evaluate_gamma, expand, take
     end type rows_in_use_type
@@ -38,7 +37,6 @@ contains
         integer :: i
 
         self%dropped = pack([(i, i=1, m)], [(all(kept /= i), i=1, m)])
-        self%kept = kept
         self%gamma = spread(0.0_wp, 1, m)
         self%lambda = self%gamma
         if (wants_derivatives) call self%derivatives%allocate(n, m)
@@ -64,20 +62,24 @@ contains
     end subroutine evaluate_gamma
 
     !> The multipliers of all rows from those of the rows in use.
-    pure subroutine expand(self, lambda)
+    pure subroutine expand(self, kept, lambda)
         class(rows_in_use_type), intent(inout) :: self
+        !> The rows in use, and their multipliers.
+        integer, intent(in) :: kept(:)
         real(wp), intent(in) :: lambda(:)
 
         self%lambda = 0.0_wp
-        self%lambda(self%kept) = lambda
+        self%lambda(kept) = lambda
     end subroutine expand
 
     !> The derivatives of the rows in use from those of all rows.
-    pure subroutine take(self, derivatives)
+    pure subroutine take(self, kept, derivatives)
         class(rows_in_use_type), intent(in) :: self
+        !> The rows in use.
+        integer, intent(in) :: kept(:)
         type(derivatives_type), intent(inout) :: derivatives
 
-        associate (all_rows => self%derivatives, kept => self%kept)
+        associate (all_rows => self%derivatives)
             derivatives%velocity_q = all_rows%velocity_q(kept, :)
             derivatives%acceleration_q = all_rows%acceleration_q(kept, :)
             derivatives%acceleration_qd = all_rows%acceleration_qd(kept, :)
