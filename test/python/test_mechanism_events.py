@@ -3,6 +3,7 @@
 
 A bound of 1e-9 is a hundred times the tolerance of a step."""
 
+import itertools
 import unittest
 
 import h5py
@@ -68,6 +69,15 @@ class Watching(Mechanism):
                         self.near(file["sensors/crank/angle"][-1], angle, 1e-7)
                         if beside >= 0:
                             self.near(file["events/singular/time"][0], np.arcsin(np.pi/5)/2, 1e-6)
+
+    def test_no_step_passes_a_singular_position_unseen(self):
+        """A parallelogram that a motor turns: every flat position is listed, also where steps are as long as the way between two."""
+        for stepper, kind, rate in itertools.product(("dop853", "dopri5", "radau5"), ("dense", "sparse"), (8, 12, 20)):
+            with self.subTest(stepper=stepper, kind=kind, rate=rate):
+                with self.went("parallelogram", f"solver.stepper={stepper}", f"solver.chart_kind={kind}", "solver.rtol=1e-3",
+                               f'force.drive.law="20*(1 - rate/{rate})"') as file:
+                    angle = np.pi/2 + file["sensors/crank/angle"][-1]
+                    self.assertEqual(len(file["events/singular/time"]), abs(np.floor(angle/np.pi)))
 
     def test_a_limit_of_a_joint(self):
         """A joint's angle after more than a turn."""

@@ -45,7 +45,7 @@ contains
                 if (base > 0) then
                     call compare(self, is_collocated, is_nearest)
                     call judge(self, .not. is_nearest, is_crossed)
-                    if (is_crossed) call refine_time(self)
+                    if (is_crossed) call refine_time(self, is_crossed)
                 end if
             end if
             call self%chart%set_memory(crossing%memory)
@@ -163,11 +163,13 @@ contains
 
     !> The time of the configuration on the polynomial of the step over it, which is more accurate there than the one that located
     !> it.
-    subroutine refine_time(self)
+    subroutine refine_time(self, is_there)
         class(simulation_type), intent(inout) :: self
-        !> Times between which it lies, as parts of the best independence.
-        real(wp), parameter :: parts(2) = [2.0e-2_wp, 1.0e-3_wp]
-        real(wp) :: width, before, behind
+        !> False if the configuration is not within the step.
+        logical, intent(out) :: is_there
+        !> Times between which it lies, as parts of the best independence; the part that is left there.
+        real(wp), parameter :: parts(2) = [2.0e-2_wp, 1.0e-3_wp], left_over = 1.0e-2_wp
+        real(wp) :: width, before, behind, least
         integer :: k, stat
 
         associate (crossing => self%crossing, t => self%crossing%record%t)
@@ -175,9 +177,11 @@ contains
                 width = parts(k)*self%chart%best_independence/crossing%rate
                 call independence_at(self, t - width, before, stat)
                 if (stat == status_ok) call independence_at(self, t + width, behind, stat)
-                if (stat /= status_ok .or. .not. before + behind > 0.0_wp) return
+                if (stat /= status_ok .or. .not. before + behind > 0.0_wp) exit
                 t = t + width*(before - behind)/(before + behind)
             end do
+            call independence_at(self, t, least, stat)
+            is_there = stat /= status_ok .or. least <= left_over*self%chart%best_independence
         end associate
     end subroutine refine_time
 

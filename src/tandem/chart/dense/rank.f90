@@ -39,11 +39,13 @@ contains
                 end associate
             end do
         end if
-        ! Both are available and cheap: the measure that falls towards a loss of rank, and the orientation of the pivot columns. It
-        ! changes with that of C, and if the pivot columns alone become singular: in a step with both it is unchanged.
+        ! All are available and cheap: the measure that falls towards a loss of rank, the orientation of the pivot columns, and the
+        ! change of C. The orientation changes with that of C, and if the pivot columns alone become singular: in a step with both it
+        ! is unchanged. A change of C that is smaller than the singular values at both ends together cannot pass a loss.
         fall = self%start%independence - self%velocity_basis%independence
         falls = .not. self%velocity_basis%independence > horizon*fall
-        if (falls .or. self%velocity_basis%orientation /= self%start%orientation) then
+        if (falls .or. self%velocity_basis%orientation /= self%start%orientation .or. &
+            self%change_from(self%start%jacobian) > self%start%independence + self%velocity_basis%independence) then
             if (.not. keeps_rank(self, self%start%jacobian, self%model%terms%jacobian)) stat = status_rank_deficient
         end if
         if (stat == status_ok) then

@@ -19,16 +19,26 @@ module tandem_chart_sparse_rank
         !> Work space.
         real(wp), allocatable, private :: next_y(:), next_force(:)
     contains
-        procedure :: has_passed_loss, find_rows, pack_state
+        procedure :: begin, has_passed_loss, find_rows, pack_state
     end type rank_type
 
 contains
 
-    !> The combination of rows that is nearest to zero at the last factorisation of the system, by three inverse iterations, in the
-    !> work space.
-    subroutine find_here(self, system)
+    !> Compare the next point with the origin.
+    subroutine begin(self, system)
         class(rank_type), intent(inout) :: self
         type(system_type), intent(inout) :: system
+
+        call find_combination(self, system, system%base)
+        call keep_combination(self)
+    end subroutine begin
+
+    !> The combination of rows that is nearest to zero at the point of a factor, by three inverse iterations, in the work space.
+    subroutine find_combination(self, system, place)
+        class(rank_type), intent(inout) :: self
+        type(system_type), intent(inout) :: system
+        !> Index of the factor.
+        integer, intent(in) :: place
         integer, parameter :: iterations = 3
         real(wp) :: length
         integer :: i, k, n
@@ -38,7 +48,7 @@ contains
             if (.not. allocated(self%y)) allocate (self%y, source=self%next_y)
             if (.not. allocated(self%force)) allocate (self%force, source=self%next_force)
         end if
-        associate (a => system%analysis, here => system%factor(system%here), y => self%next_y)
+        associate (a => system%analysis, here => system%factor(place), y => self%next_y)
             ! Start with the weakest row; all others have a weight, too, as they may be relevant.
             system%g = 1.0e-3_wp
             if (here%weakest > 0) system%g(here%weakest) = 1.0_wp
@@ -65,7 +75,16 @@ contains
             system%g(:) = -system%g
             call here%add_reactions(a, system%g, self%next_force)
         end associate
-    end subroutine find_here
+    end subroutine find_combination
+
+    !> Keep the combination that was found last.
+    subroutine keep_combination(self)
+        class(rank_type), intent(inout) :: self
+
+        self%y(:) = self%next_y
+        self%force(:) = self%next_force
+        self%has_combination = .true.
+    end subroutine keep_combination
 
     !> True if C has lost rank between the point of the last combination and the last factorisation of the system, whose combination
     !> replaces it. False if they are too different to decide.
@@ -77,17 +96,14 @@ contains
         real(wp) :: common, along
 
         has_passed_loss = .false.
-        call find_here(self, system)
+        call find_combination(self, system, system%here)
         if (self%has_combination) then
             common = dot_product(self%y, self%next_y)
             call system%factor(system%here)%move(system%analysis, self%next_force, system%x)
             along = dot_product(self%force, system%x)
             has_passed_loss = abs(common) > least_common .and. common*along < 0.0_wp
         end if
-        if (has_passed_loss) return
-        self%y(:) = self%next_y
-        self%force(:) = self%next_force
-        self%has_combination = .true.
+        if (.not. has_passed_loss) call keep_combination(self)
     end function has_passed_loss
 
     !> The rows of a combination.

@@ -156,7 +156,7 @@ contains
 
         stat = status_ok
         if (self%system%m == 0) return
-        if (iand(need, need_rank) /= 0) call measure_rank(self, t, q, measure, stat)
+        if (iand(need, need_rank) /= 0) call measure_rank(self, t_from, q_from, t, q, measure, stat)
         if (iand(need, need_line) /= 0) stat = loss_ahead(self, t_from, q_from, t, q)
         if (iand(need, need_independence) /= 0) call measure_independence(self, t, q, measure%independence, stat)
         if (stat /= status_ok) return
@@ -164,20 +164,20 @@ contains
     end subroutine do_measure
 
     !> Number of steps like the one to (t, q) until C loses rank.
-    subroutine measure_rank(self, t, q, measure, stat)
+    subroutine measure_rank(self, t_from, q_from, t, q, measure, stat)
         class(sparse_chart_type), intent(inout) :: self
-        real(wp), intent(in) :: t
-        real(wp), intent(in), contiguous :: q(:)
+        real(wp), intent(in) :: t_from, t
+        real(wp), intent(in), contiguous :: q_from(:), q(:)
         type(measure_type), intent(inout) :: measure
         integer, intent(out) :: stat
         !> A loss of rank more steps away than this is not searched for.
         real(wp), parameter :: horizon = 8.0_wp
         !> The remainder of a row that depends on others is smaller, due to rounding.
         real(wp), parameter :: largest_rest = least_pivot
-        !> Part of the independence at both ends below which that of a stage is a dip.
-        real(wp), parameter :: of_dip = 0.5_wp
+        !> Part of the independence at both ends below which that of a stage is a dip, or a step may pass a loss.
+        real(wp), parameter :: of_dip = 0.5_wp, of_stage = 0.95_wp
         real(wp) :: fall, now
-        logical :: falls
+        logical :: falls, may_hide
 
         self%failure%row = 0
         self%failure%coordinate = 0
@@ -197,6 +197,16 @@ contains
             end if
             now = sqrt(s%factor(s%here)%least)
             measure%dips = sqrt(s%lowest) < of_dip*min(self%independence, now)
+            ! Fixed explicit steps are short, and do not store C of the start.
+            may_hide = .not. (s%shares_terms .or. rank%has_combination)
+            if (may_hide) may_hide = sqrt(s%lowest) < of_stage*min(self%independence, now) .or. &
+                largest_change(self) > self%independence + now
+            if (may_hide) then
+                stat = loss_ahead(self, t_from, q_from, t, q)
+                if (stat == status_ok) call s%visit(t, q, self%counts, stat)
+                if (stat == status_ok) call s%factorize(self%counts, stat)
+                if (stat /= status_ok) return
+            end if
             s%lowest = 1.0_wp
             fall = self%independence - now
             falls = .not. now > horizon*fall
@@ -211,14 +221,11 @@ contains
                 fall = self%independence - now
                 falls = .not. now > horizon*fall
             end if
-            if (.not. falls) then
-                ! After a near loss one more step is checked.
-                if (rank%has_combination) then
-                    if (rank%has_passed_loss(s)) stat = status_rank_deficient
-                    rank%has_combination = .false.
-                end if
-            else if (rank%has_passed_loss(s)) then
-                stat = status_rank_deficient
+            ! After a near loss one more step is checked.
+            if (falls .or. rank%has_combination) then
+                if (.not. (rank%has_combination .or. s%shares_terms)) call rank%begin(s)
+                if (rank%has_passed_loss(s)) stat = status_rank_deficient
+                if (.not. falls) rank%has_combination = .false.
             end if
             if (falls .or. stat /= status_ok) then
                 self%failure%rows = rank%find_rows(s)
@@ -290,16 +297,33 @@ contains
     !> without error control do not store C of the start.
     real(wp) function relative_change(self)
         class(sparse_chart_type), intent(in) :: self
-        real(wp), dimension(self%system%m) :: change, length
 
-        change = 0.0_wp
+        relative_change = sqrt(sum(changes(self)))
+    end function relative_change
+
+    !> A bound of the norm of that change: rows share coordinates with few others, so that it is about that of the row that changes
+    !> most.
+    real(wp) function largest_change(self)
+        class(sparse_chart_type), intent(in) :: self
+        real(wp), parameter :: shared = 2.0_wp
+
+        largest_change = shared*sqrt(maxval(changes(self)))
+    end function largest_change
+
+    !> Squares of the changes of the rows (m).
+    function changes(self)
+        class(sparse_chart_type), intent(in) :: self
+        real(wp) :: changes(self%system%m)
+        real(wp) :: length(self%system%m)
+
+        changes = 0.0_wp
         length = 0.0_wp
         associate (s => self%system)
             call s%factor(s%base)%add_squares(s%analysis, self%scale, length)
-            call s%factor(s%here)%add_squares(s%analysis, self%scale, change, s%factor(s%base))
+            call s%factor(s%here)%add_squares(s%analysis, self%scale, changes, s%factor(s%base))
         end associate
-        relative_change = sqrt(sum(change/max(length, tiny(1.0_wp))))
-    end function relative_change
+        changes = changes/max(length, tiny(1.0_wp))
+    end function changes
 
     !> The origin, the factors there and at the last point, and the state of iterations.
     subroutine pack_state(self, pack)
