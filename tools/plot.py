@@ -6,7 +6,6 @@ Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
 
     tools/plot.py run.h5 picture.png                track, and one coordinate against time
     tools/plot.py run.h5 picture.png --overview     and constraint errors, energy, steps, charts
-    tools/plot.py run.h5 motion.gif                 the motion
     tools/plot.py study/precision_X.h5 picture.png  error against run time and evaluations; several files, a panel each
     tools/plot.py study/stability.h5 picture.png    the verdicts on stiff and extreme cases
     tools/plot.py study/stability.h5 picture.png --stiffness   steps against stiffness
@@ -15,7 +14,7 @@ Usage: tools/plot.py FILE.h5... PICTURE [OPTION...]
     tools/plot.py loci.csv picture.png              eigenvalues over a value (`tandem study modes --output loci.csv`)
     tools/plot.py vehicle.h5 picture.png --paper 2  a figure of the paper: 2, 4, or 6 with two files
 
-PICTURE ends in .png, .svg, .pdf or .gif. Needs h5py and matplotlib, which `tools/setup.sh plot` brings into .venv: then call it by
+PICTURE ends in .png, .svg or .pdf. Needs h5py and matplotlib, which `tools/setup.sh plot` brings into .venv: then call it by
 .venv/bin/python tools/plot.py.
 """
 
@@ -25,7 +24,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 try:
-    from plots import animation, loci, motion, performance, stability
+    from plots import loci, motion, performance, stability
     from plots.files import kind_of, read_result
     from tandem.plot import precision, save
 except ModuleNotFoundError as missing:
@@ -65,9 +64,6 @@ def main():
         parser.error(f"give {wanted} result file(s), not {len(arguments.files)}")
     if arguments.paper:
         return motion.PAPER[arguments.paper][0](arguments.files, arguments.picture)
-    if arguments.picture.endswith(".gif"):
-        problem = animation.draw(arguments.files[0], arguments.picture)
-        return parser.error(problem) if problem else None
     names = read_result(arguments.files[0]).names
     x, y = arguments.track.split(",") if arguments.track else names[:2]
     z = arguments.against_time or names[2]

@@ -362,10 +362,6 @@ class Pictures(Case):
         self.plot("vehicle.h5", "little.png", "--overview")
         self.plot("vehicle.h5", "paper.png", "--paper", "2")
         self.assertTrue(all((self.folder / f"{name}.png").stat().st_size > 10000 for name in ("two", "all", "little", "paper")))
-        self.plot("disk.h5", "motion.gif")
-        picture = (self.folder / "motion.gif").read_bytes()
-        self.assertTrue(picture.startswith(b"GIF89a"))
-        self.assertLess(len(picture), 1_500_000)
         self.assertIn("rx", self.plot("disk.h5", "no.png", "--against-time", "nothing", code=2).stderr)
         self.assertIn("2 result", self.plot("disk.h5", "no.png", "--paper", "6", code=2).stderr)
 

@@ -2,7 +2,7 @@
 !> Coefficients of Radau IIA with 3, 5 and 7 stages, orders 5, 9 and 13, and the transformation for solving their stages together:
 !> T^-1 A T is block diagonal, with one real eigenvalue and complex pairs.
 !> Source: Hairer, Wanner, Solving Ordinary Differential Equations II, 2nd ed., sections IV.5 and IV.8; for 5 and 7 stages computed
-!> with 80 digits from the definition (tools/radau_tables.py).
+!> with 80 digits from the definition, collocation at the zeros of P_s - P_(s-1), shifted to [0, 1]. Suite `radau` checks them.
 module tandem_stepper_radau_tableau
     use tandem_kinds, only: wp
     implicit none (type, external)
