@@ -8,7 +8,7 @@
 #        tools/bench.sh count      compare instructions with bench/counts.txt (`make bench-count`)
 #        tools/bench.sh record     write bench/counts.txt
 #        tools/bench.sh profiles   measure only the profiles of two runs
-#        tools/bench.sh sweep [--cases N] [--rounds N]    a sweep on one and on two threads compared with bare loops (doc/sweep.md)
+#        tools/bench.sh sweep [CASES [ROUNDS]]    a sweep on threads 0 and 1 compared with bare loops (doc/sweep.md)
 #        tools/bench.sh large [SCENE [STEPPER [KIND [NUMBER...]]]]    cost of a step of many bodies (doc/sparse.md)
 #        tools/bench.sh mechanisms [NAME...]    mechanisms compared with Exudyn, MuJoCo and Pinocchio, from PyPI
 #        tools/bench.sh output SCENE [SETTING...]    additional time for the result file
@@ -53,6 +53,24 @@ profiles() {
     profile vehicle articulated_vehicle --set output.every=10 --set solver.stepper=dop853 --set time.end=100
 }
 
+sweep() { # CASES ROUNDS: the runs take turns, so that other load of the machine disturbs all of them alike
+    local program=$PWD/$out/disks tandem=$PWD/build/optimised/tandem folder TIMEFORMAT=%R
+    folder=$(mktemp -d)
+    sed "s/draws = [0-9]*/draws = $1/" bench/disks.toml >"$folder/disks.toml"
+    cd "$folder"
+    bare() { taskset -c "$1" "$program" disks.csv; }
+    both() { bare 0 & bare 1; wait $!; }
+    swept() { taskset -c "$1" "$tandem" sweep disks.toml --jobs "$2" --quiet --force; }
+    seconds() { { time "$@" >/dev/null; } 2>&1; }
+    swept 0,1 2 # writes the table of the bare loops, which find its heights: `1000 disks in ..., 1000 with the height of the table`
+    bare 0
+    echo 'seconds: bare loop, two at once, one job, two jobs; ratios: job over bare, two bare over one, two jobs over one, over two bare'
+    for ((round = 0; round < $2; round++)); do
+        echo "$(seconds bare 0) $(seconds both) $(seconds swept 0 1) $(seconds swept 0,1 2)"
+    done | awk '{ print $1, $2, $3, $4 ";", $1/$3, 2*$1/$2, $3/$4, $2/2/$4; fflush() }'
+    rm -r "$folder"
+}
+
 case ${1:-} in
 figures) ;;
 large)
@@ -84,9 +102,9 @@ output)
     exec taskset -c "${CORE:-0}" "$out/output" "$@"
     ;;
 sweep)
-    shift
     build disks "$optimised"
-    exec $python tools/sweep_speed.py "$@"
+    sweep "${2:-1000}" "${3:-8}"
+    exit
     ;;
 *) measure ;;
 esac

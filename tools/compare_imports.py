@@ -3,18 +3,16 @@
 """Imported robots of public packages: accelerations at random states beside MuJoCo and Pinocchio, and a run of 0.2 s.
 
 Usage: tools/compare_imports.py [--states N] [--run] [TEXT...]      files whose paths contain a text; all without
-       tools/compare_imports.py --damage N [--seed K] [TEXT...]     N of the files, damaged
 
 Installs dm-control, gymnasium, gymnasium-robotics, mujoco, example-robot-data, pin and h5py from PyPI into build/robots (1 GB), and the
 files of brax, metaworld, playground and robosuite without what these packages require; or takes the environment that ROBOTS names. The
 program is build/tandem, or what TANDEM names. Files that are not robots are omitted: those without joints, and parts that other files
 include. Prints a line for each file; exit code 1 if an acceleration differs by more than 1e-9 or, with --run, a run with `auto` and rtol
-1e-6 fails. Damaged files must be imported, or refused with exit code 2 and a message, within a minute.
+1e-6 fails.
 """
 
 import argparse
 import os
-import random
 import subprocess
 import sys
 import tempfile
@@ -27,9 +25,6 @@ PACKAGES = {"mjcf": ("dm_control", "gymnasium", "gymnasium_robotics", "mujoco", 
             "urdf": ("cmeel.prefix/share/example-robot-data",)}
 BOUND = 1e-9
 SECONDS = 300
-#: Files to be damaged are smaller (bytes); limit of an import of one (s).
-LARGEST = 200_000
-DAMAGED_SECONDS = 60
 
 
 def enter():
@@ -93,48 +88,14 @@ def run(text):
                               capture_output=True, text=True, timeout=SECONDS, check=False)
 
 
-def damage(count, seed, texts):
-    """Import damaged files; the number of those that are neither imported nor refused in order."""
-    from damage import damaged
-
-    source = random.Random(seed)
-    chosen = {kind: [path for one, path, name in files() if one == kind and path.stat().st_size < LARGEST
-                     and (not texts or any(text in str(path) for text in texts))] for kind in PACKAGES}
-    codes = {}
-    for k in range(count):
-        paths = chosen[sorted(chosen)[k % 2]] or sum(chosen.values(), [])
-        path = source.choice(paths)
-        # Beside the original, for the meshes and included files.
-        with tempfile.NamedTemporaryFile("w", dir=path.parent, suffix=path.suffix, encoding="utf-8") as file, tempfile.TemporaryDirectory() as folder:
-            file.write(damaged(path.read_text(encoding="utf-8", errors="replace"), source))
-            file.flush()
-            try:
-                done = subprocess.run([sys.executable, "-m", "tandem", "import", file.name, "--output", "model.toml"], cwd=folder, text=True,
-                                      capture_output=True, timeout=DAMAGED_SECONDS, check=False, env={**os.environ, "PYTHONPATH": sys.path[0]})
-                code = done.returncode
-                if code not in (0, 2) or "Traceback" in done.stderr or (code == 2 and not done.stderr.startswith("tandem: ")):
-                    print(f"FAIL {path.name}, file {k}: exit code {code}, {done.stderr[-300:]}", flush=True)
-                    code = "fails"
-            except subprocess.TimeoutExpired:
-                print(f"FAIL {path.name}, file {k}: no end after {DAMAGED_SECONDS} s", flush=True)
-                code = "fails"
-        codes[code] = codes.get(code, 0) + 1
-    print(f"{codes.get(0, 0)} imported, {codes.get(2, 0)} refused, {codes.get('fails', 0)} fail")
-    return codes.get("fails", 0)
-
-
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("text", nargs="*")
     parser.add_argument("--states", type=int, default=20)
     parser.add_argument("--run", action="store_true")
-    parser.add_argument("--damage", type=int)
-    parser.add_argument("--seed", type=int, default=1)
     given = parser.parse_args()
     os.environ["TANDEM_PROGRAM"] = os.path.abspath(os.environ.get("TANDEM", ROOT / "build" / "tandem"))
     sys.path.insert(0, str(ROOT / "python" / "src"))
-    if given.damage:
-        return 1 if damage(given.damage, given.seed, given.text) else 0
     counts = {True: 0, False: 0, None: 0}
     for kind, path, name in files():
         if given.text and not any(text in str(path) for text in given.text):

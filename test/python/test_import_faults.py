@@ -20,17 +20,19 @@ from test_mjcf import HAS_MUJOCO, MODEL
 from test_output import ROOT
 from test_urdf import ROBOT
 
-sys.path[:0] = [str(ROOT / "python" / "src"), str(ROOT / "tools")]
-from damage import damaged  # noqa: E402
+sys.path.insert(0, str(ROOT / "python" / "src"))
 from tandem import imports  # noqa: E402
 
-#: Number of random files; MUTATIONS requests more. `tools/compare_imports.py --damage 500` damages robots of public packages.
+#: Number of random files; MUTATIONS requests more.
 MUTATIONS = int(os.environ.get("MUTATIONS", "100"))
 #: Limit of each import (s), generous for machines that others use.
 LONGEST = 120
 LOOP = '<equality><connect body1="door" body2="bob" anchor="1 0 0"/><weld body1="bob" body2="stone" relpose="0 0 0 1 0 0 0"/>' \
     '<joint joint1="hinge" joint2="bolt" polycoef="0 1 0 0 0"/></equality>'
 FULL = MODEL.replace("</mujoco>", LOOP + '<option gravity="0 0 -9"><flag limit="disable"/></option></mujoco>')
+#: Values of attributes in damaged files.
+VALUES = ("", "nan", "0", "-1", "1e300", "1e30", "1e-320", "0 0 0", "1 2 3", "0 0 0 0", "true", "hinge", "door", "rod", "fixed", "box", "\u00e9",
+          "'", "&#10;", "x"*300)
 
 
 class Late(Exception):
@@ -44,6 +46,33 @@ def numbers_in(value):
     elif isinstance(value, (dict, list)):
         for inner in value.values() if isinstance(value, dict) else value:
             yield from numbers_in(inner)
+
+
+def damaged(text: str, random) -> str:
+    """A file with 1 to 8 changes drawn by `random`."""
+    for _ in range(random.choice((1, 1, 1, 2, 3, 8))):
+        attributes = list(re.finditer(r'(\w+)="([^"]*)"', text))
+        elements = list(re.finditer(r"<(\w+)[^<>]*/>", text))
+        kind = random.randrange(9)
+        if kind < 4 and attributes:
+            one = random.choice(attributes)
+            text = text[:one.start(2)] + random.choice(VALUES) + text[one.end(2):]
+        elif kind == 4 and attributes:
+            one = random.choice(attributes)
+            text = text[:one.start()] + text[one.end():]
+        elif kind == 5 and attributes:
+            one, other = random.choice(attributes), random.choice(attributes)
+            text = text[:one.start(1)] + other[1] + text[one.end(1):]
+        elif kind == 6 and elements:
+            one, other = random.choice(elements), random.choice(elements)
+            text = text[:one.start()] + other[0] + random.choice(("", one[0])) + text[one.end():]
+        elif kind == 7 and elements:
+            one, other = random.choice(elements), random.choice(elements)
+            text = text[:one.start(1)] + other[1] + text[one.end(1):]
+        elif kind == 8 and random.random() < 0.3:
+            place = random.randrange(len(text))
+            text = text[:place] + random.choice(("", "<", "\0", "</body>", text[place + random.randrange(50):]))
+    return text
 
 
 class Imports(unittest.TestCase):
