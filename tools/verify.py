@@ -8,9 +8,9 @@ Usage: tools/verify.py [PART...]        without a name, the parts of `make test`
 
 Each part is a command and a reader that counts the tests in its output. Two parts run at the same time where there are two
 cores: tests use one core each, and builds wait for single long files. A part that fails does not keep the later ones from
-running. A part whose command fails, hangs, or runs no test counts as a failure. The limits of parts are limits of processor
-time, so that a busy machine does not turn them red; a part that uses no processor for a quarter of its limit is stopped too.
-The output of a part is in build/verify/PART.log. The exit code is 1 if anything failed.
+running. A part whose command fails, runs no test, or takes longer than its limit counts as a failure. Limits are many times the
+expected duration, so that a busy machine does not turn them red. The output of a part is in build/verify/PART.log. The exit code
+is 1 if anything failed.
 """
 
 import concurrent.futures
@@ -23,6 +23,7 @@ import subprocess
 import sys
 import threading
 import time
+from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -37,6 +38,8 @@ SOURCES = ["src", "io/src", "cli/src", "app", "test", "example"]
 WARNINGS = "-std=f2018 -Wall -Wextra -pedantic -Wno-unused-dummy-argument -Wtrampolines -Werror=trampolines"
 # One build serves the warnings and the checks at run time.
 STRICT_FLAGS = f"{WARNINGS} -g -fPIC -fcheck=bounds -fcheck=array-temps -fbacktrace -fcoarray=single"
+# Number of lines that are shown of a part that fails without a failed test.
+LAST = 20
 ARCH = os.environ.get("ARCH", "-march=native")
 
 
@@ -63,139 +66,74 @@ class Count:
             self.passed += 1
 
 
-# --- the readers: from the lines that a command prints to a Count -----------------------------------------------------
+# --- the readers: from the output of a command to a Count -------------------------------------------------------------
 
 
-def one_test(lines):
+def one_test(text):
     """The command as a whole is the test: it passes if its exit code is 0."""
-    for _ in lines:
-        pass
     return Count(passed=1)
 
 
-def test_drive(lines):
+def test_drive(text):
     """The output of test-drive: 'Starting NAME ... (1/5)', later '... NAME [PASSED]', then perhaps a message."""
     count = Count()
-    running = []
-    since = []
-    telling = False
-    for line in lines:
-        since.append(line)
-        start = re.match(r"\s*Starting (\S+) \.\.\. \(\d+/\d+\)", line)
-        end = re.match(r"\s*\.\.\. (\S+) \[([A-Z ]+)\]", line)
-        if start:
-            running.append(start[1])
-            since.clear()
-            telling = False
-        elif end:
-            name, verdict = end.groups()
-            if name in running:
-                running.remove(name)
-            telling = verdict in ("FAILED", "UNEXPECTED PASS")
-            if verdict in ("PASSED", "EXPECTED FAIL"):
-                count.passed += 1
-            elif verdict == "SKIPPED":
-                count.skipped += 1
-            else:
-                count.failed += 1
-                count.notes.append(f"{name} [{verdict}]")
-        elif telling:
-            count.notes.append("  " + line.strip())
-    for name in running:
-        count.failed += 1
-        count.notes.append(f"{name} [did not end]")
-    if running:
-        count.notes += [f"  {line}" for line in since[-30:]]
+    begun = Counter(re.findall(r"^\s*Starting (\S+) \.\.\. \(\d+/\d+\)", text, re.M))
+    parts = re.split(r"^\s*\.\.\. (\S+) \[([A-Z ]+)\]", text, flags=re.M)
+    for name, verdict, after in zip(parts[1::3], parts[2::3], parts[3::3]):
+        begun[name] -= 1
+        if verdict in ("FAILED", "UNEXPECTED PASS"):
+            count.failed += 1
+            count.notes += [f"{name} [{verdict}]", *after.split("  Starting ")[0].strip().splitlines()]
+        else:
+            count.passed += verdict != "SKIPPED"
+            count.skipped += verdict == "SKIPPED"
+    for name in +begun:
+        count.check(f"{name} [did not end]", text.splitlines()[-LAST:])
     return count
 
 
-def test_drive_checked(lines):
+def test_drive_checked(text):
     """As test_drive, plus one test: the checked build reports no array temporary in shipped sources."""
-    places = {}
-
-    def watched():
-        place = None
-        for line in lines:
-            at = re.match(r"At line (\d+) of file (\S+)", line)
-            if at:
-                place = f"{os.path.normpath(at[2])}:{at[1]}"
-            elif place and "array temporary" in line:
-                if place.startswith(("src/", "io/", "cli/", "app/")):
-                    times, _ = places.get(place, (0, ""))
-                    places[place] = times + 1, line.split("warning:")[-1].strip()
-                place = None
-            yield line
-
-    count = test_drive(watched())
+    count = test_drive(text)
+    told = re.findall(r"At line (\d+) of file (\S+)\n.*warning: (.*array temporary.*)", text)
+    places = Counter(f"{os.path.normpath(file)}:{line}: {what}" for line, file, what in told)
     if count.passed + count.failed > 0:
-        told = [f"{place}: {text} ({times} times)" for place, (times, text) in sorted(places.items())]
-        count.check("array temporaries at run time", told)
+        count.check("array temporaries at run time", [f"{place} ({times} times)" for place, times in sorted(places.items())
+                                                      if place.startswith(("src/", "io/", "cli/", "app/"))])
     return count
 
 
-def linter(lines):
-    """The concise output of fortitude: 'FILE:LINE:COLUMN: RULE what it is'."""
-    count = Count()
-    count.check("rules broken", [line for line in lines if re.match(r"\S+:\d+:\d+: ", line)])
-    return count
-
-
-def compiler(lines):
+def compiler(text):
     """The output of a verbose build: no warning in our own sources, and all of them were compiled."""
-    place = None
-    compiled = set()
-    warnings = {}
-    for line in lines:
-        command = re.search(r"\+ \S+ .*?-c (\S+)", line)
-        at = re.match(r"(\S+\.[fF]90):(\d+):(\d+):", line)
-        if command:
-            compiled.add(os.path.normpath(command[1]))
-        elif at:
-            place = os.path.normpath(at[1]), at[2]
-        elif re.match(r"(Warning|Error|Fatal Error):", line) and place:
-            if is_ours(place[0]):
-                warnings[f"{place[0]}:{place[1]}: {line.strip()}"] = None
-            place = None
-        elif re.search(r"\bld: warning:", line):
-            warnings[line.strip()] = None
+    compiled = {os.path.normpath(file) for file in re.findall(r"\+ \S+ .*?-c (\S+)", text)}
+    told = re.findall(r"^(\S+\.[fF]90):(\d+):\d+:\n(?:(?!\S+\.[fF]90:|Warning:|Error:|Fatal Error:).*\n)*((?:Warning|(?:Fatal )?Error): .*)",
+                      text, re.M)
+    warnings = [f"{os.path.normpath(file)}:{line}: {what}" for file, line, what in told if is_ours(os.path.normpath(file))]
     count = Count()
-    count.check("compiler warnings", list(warnings))
+    count.check("compiler warnings", [*dict.fromkeys(warnings), *re.findall(r".*\bld: warning:.*", text)])
     count.check("sources that no target of fpm.toml compiles", sorted(own_sources() - compiled))
     return count
 
 
-def unittest_text(lines):
+def unittest_text(text):
     """The output of Python's unittest, of one run or several: 'FAIL: NAME' with its traceback, 'Ran N tests', 'FAILED (errors=1)'."""
-    count = Count()
-    ran = 0
-    telling = False
-    for line in lines:
-        telling = telling or line.startswith("=" * 70)
-        if telling:
-            count.notes.append(line)
-        total = re.match(r"Ran (\d+) test", line)
-        if total:
-            ran += int(total[1])
-        elif re.match(r"(OK|FAILED)\b", line):
-            number = {key: int(value) for key, value in re.findall(r"(\w[\w ]*)=(\d+)", line)}
-            count.failed += sum(number.get(key, 0) for key in ("failures", "errors", "unexpected successes"))
-            count.skipped += number.get("skipped", 0)
-    count.passed = max(0, ran - count.failed - count.skipped)
-    return count
+    numbers = Counter()
+    for listed in re.findall(r"^(?:OK|FAILED) \((.*)\)", text, re.M):
+        numbers.update({key: int(value) for key, value in re.findall(r"(\w[\w ]*)=(\d+)", listed)})
+    failed = numbers["failures"] + numbers["errors"] + numbers["unexpected successes"]
+    ran = sum(map(int, re.findall(r"^Ran (\d+) test", text, re.M)))
+    notes = text[text.index("=" * 70) :].splitlines() if "=" * 70 in text else []
+    return Count(max(0, ran - failed - numbers["skipped"]), failed, numbers["skipped"], notes)
 
 
-def ok_lines(lines):
+def ok_lines(text):
     """Lines 'ok NAME' and 'not ok NAME', each a test; other lines after a 'not ok' explain it."""
     count = Count()
-    telling = False
-    for line in lines:
-        verdict = re.match(r"(not )?ok\b", line)
-        if verdict:
-            telling = bool(verdict[1])
-            count.failed += telling
-            count.passed += not telling
-        if telling:
-            count.notes.append(line)
+    for block in re.split(r"^(?=ok\b|not ok\b)", text, flags=re.M):
+        count.passed += block.startswith("ok")
+        if block.startswith("not ok"):
+            count.failed += 1
+            count.notes += block.splitlines()
     return count
 
 
@@ -242,8 +180,8 @@ class Part:
     reader: callable
     prepare: callable = None
     folder: Path = ROOT
-    # The limit of its processor time.
-    minutes: float = 40
+    # The limit of its duration.
+    minutes: float = 120
     # The minutes that it takes on one of two idle cores.
     expected: float = 0.2
     # Another part that must run before, even if it was not requested.
@@ -284,14 +222,13 @@ PARTS = [
         [FPM, "test", "tandem-fuzz", "--no-prune", "--flag", STRICT_FLAGS, "--runner", str(ROOT / "test" / "fuzz" / "fuzz.py")],
         ok_lines,
         folder=STRICT,
-        minutes=10,
         expected=2,
         needs="strict",
         builds="copy",
     ),
     Part("bench", ["tools/check_bench.py", str(STRICT), STRICT_FLAGS], ok_lines, needs="strict", expected=0.2),
     Part("frozen", [PYTHON, "test/frozen/frozen.py"], ok_lines, needs="build", expected=0.2),
-    Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench", "mpi"], linter),
+    Part("lint", [FORTITUDE, "check", "--output-format", "concise", *SOURCES, "bench", "mpi"], one_test),
     Part("lengths", ["tools/check_lengths.py"], ok_lines),
     Part("docs", ["python3", "tools/docs.py"], ok_lines, expected=0.3),
     Part("optimised", [FPM, "test", *flags("optimised")], test_drive, long=True, expected=8, builds="project"),
@@ -316,96 +253,43 @@ def environment():
     return {"OPENBLAS_NUM_THREADS": "1"} | own | {"LC_ALL": "C.UTF-8"}
 
 
-def processor_time(session):
-    """Seconds of processor time of the processes of a session and of their children that have ended."""
-    total = 0
-    for status in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError, IndexError, ValueError):
-            fields = status.read_text().rpartition(")")[2].split()
-            if int(fields[3]) == session:
-                total += sum(map(int, fields[11:15]))
-    return total / os.sysconf("SC_CLK_TCK")
-
-
 def run(part, stopping=None):
     """Run one part, unless the event `stopping` ends it: its Count, after the rules that hold for all of them."""
     stopping = stopping or threading.Event()
     LOGS.mkdir(parents=True, exist_ok=True)
-    last = []
-    hung, ended = threading.Event(), threading.Event()
+    log = LOGS / f"{part.name}.log"
     try:
         if part.prepare:
             part.prepare()
-        process = subprocess.Popen(
-            part.command,
-            cwd=part.folder,
-            env=environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-            text=True,
-            errors="replace",
-            start_new_session=True,
-        )
+        with open(log, "w", encoding="utf-8") as output:
+            process = subprocess.Popen(part.command, cwd=part.folder, env=environment(), stdin=subprocess.DEVNULL, stdout=output,
+                                       stderr=subprocess.STDOUT, start_new_session=True)
     except OSError as error:
         return Count(failed=1, notes=[f"cannot run {part.command[0]}: {error}"])
-
-    def stop():
-        hung.set()
+    limit = time.monotonic() + 60 * part.minutes
+    while process.poll() is None and time.monotonic() < limit and not stopping.wait(0.2):
+        pass
+    end = f"ended with exit code {process.returncode}" if process.returncode else ""
+    if process.returncode is None:
+        end = f"stopped after {part.minutes:g} minutes"
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-
-    def lines():
-        with process.stdout, open(LOGS / f"{part.name}.log", "w", encoding="utf-8") as log:
-            for line in process.stdout:
-                log.write(line)
-                line = re.sub(r"\x1b\[[0-9;]*m", "", line.rstrip("\n"))
-                last.append(line)
-                del last[:-20]
-                yield line
-
-    def watch():
-        """Stop the part at its limit."""
-        used, since = 0.0, time.monotonic()
-        while not ended.wait(min(2, 6 * part.minutes)):
-            now = processor_time(process.pid)
-            if now > used + 0.1:
-                used, since = now, time.monotonic()
-            if stopping.is_set() or now > 60 * part.minutes or time.monotonic() - since > 15 * part.minutes:
-                stop()
-
-    threading.Thread(target=watch, daemon=True).start()
-    try:
-        count = part.reader(lines())
-        code = process.wait()
-    except BaseException:
-        stop()
-        raise
-    finally:
-        ended.set()
-    if hung.is_set():
+        process.wait()
+    text = re.sub(r"\x1b\[[0-9;]*m", "", log.read_text(encoding="utf-8", errors="replace"))
+    count = part.reader(text)
+    if not end and count.passed + count.failed == 0:
+        end = "ran no test"
+    # The exit code includes failures without a counted test.
+    if end and (count.failed == 0 or "stopped" in end):
         count.failed += 1
-        count.notes.append(
-            f"stopped: {part.minutes:g} minutes of processor time are used, or none in a quarter of that; its last lines:"
-        )
-        count.notes += last
-    elif code != 0 and count.failed == 0:
-        # The exit code includes failures without a counted test.
-        count.failed = 1
         count.passed = 0 if part.reader is one_test else count.passed
-        count.notes.append(f"ended with exit code {code}; its last lines:")
-        count.notes += last
-    elif count.passed + count.failed == 0:
-        count.failed = 1
-        count.notes.append("ran no test; its last lines:")
-        count.notes += last
+        count.notes += [f"{end}; its last lines:", *text.splitlines()[-LAST:]]
     return count
 
 
 def results(parts, lanes):
     """Run parts, as many at a time as there are lanes; yields each with its Count and its seconds when it ends."""
-    waiting, running = list(parts), {}
-    stopping = threading.Event()
+    waiting, running, stopping = list(parts), {}, threading.Event()
     with concurrent.futures.ThreadPoolExecutor(lanes) as pool, contextlib.ExitStack() as at_end:
         # An interrupted caller leaves no process behind.
         at_end.callback(stopping.set)

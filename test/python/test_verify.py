@@ -20,67 +20,60 @@ STARTING = "  Starting one ... (1/2)"
 PASSED = "       ... one [PASSED]"
 
 
+def text(*lines):
+    return "\n".join(lines) + "\n"
+
+
 class Readers(unittest.TestCase):
     def assert_counts(self, count, passed, failed, skipped=0):
         self.assertEqual((count.passed, count.failed, count.skipped), (passed, failed, skipped), count.notes)
 
     def test_test_drive(self):
-        lines = [
-            STARTING,
-            PASSED,
-            "  Starting two ... (2/2)",
-            "       ... two [FAILED]",
-            "  Message: off by 1",
-            "  at t = 3",
-        ]
-        count = verify.test_drive(lines)
+        two = ["  Starting two ... (2/2)", "       ... two [FAILED]", "  Message: off by 1", "  at t = 3"]
+        count = verify.test_drive(text(STARTING, PASSED, *two))
         self.assert_counts(count, 1, 1)
-        self.assertEqual(count.notes, ["two [FAILED]", "  Message: off by 1", "  at t = 3"])
+        self.assertEqual(count.notes, ["two [FAILED]", "Message: off by 1", "  at t = 3"])
 
     def test_test_drive_verdicts(self):
         verdicts = ["PASSED", "FAILED", "SKIPPED", "EXPECTED FAIL", "UNEXPECTED PASS"]
-        self.assert_counts(verify.test_drive([f"       ... {n} [{v}]" for n, v in enumerate(verdicts)]), 2, 2, 1)
+        self.assert_counts(verify.test_drive(text(*(f"       ... {n} [{v}]" for n, v in enumerate(verdicts)))), 2, 2, 1)
 
     def test_test_that_crashes(self):
-        count = verify.test_drive([STARTING, PASSED, "  Starting two ... (2/2)", "Program received signal SIGSEGV"])
+        count = verify.test_drive(text(STARTING, PASSED, "  Starting two ... (2/2)", "Program received signal SIGSEGV"))
         self.assert_counts(count, 1, 1)
-        self.assertEqual(count.notes, ["two [did not end]", "  Program received signal SIGSEGV"])
+        self.assertEqual((count.notes[0], count.notes[-1]), ("two [did not end]:", "  Program received signal SIGSEGV"))
 
     def test_array_temporary(self):
         def warned(place):
             return [f"At line 7 of file {place}", "Fortran runtime warning: An array temporary was created"]
 
         quiet = warned("test/test_x.f90") + warned("build/dependencies/toml-f/src/tomlf.f90")
-        self.assert_counts(verify.test_drive_checked([STARTING, PASSED, *quiet]), 2, 0)
-        count = verify.test_drive_checked([STARTING, *2 * warned("././src/tandem/x.f90"), PASSED])
+        self.assert_counts(verify.test_drive_checked(text(STARTING, PASSED, *quiet)), 2, 0)
+        count = verify.test_drive_checked(text(STARTING, *2 * warned("././src/tandem/x.f90"), PASSED))
         self.assert_counts(count, 1, 1)
         self.assertEqual(count.notes[1], "  src/tandem/x.f90:7: An array temporary was created (2 times)")
-
-    def test_linter(self):
-        self.assert_counts(verify.linter(["All checks passed!"]), 1, 0)
-        self.assert_counts(verify.linter(["src/x.f90:3:4: C001 no", "Number of diagnostics: 1"]), 0, 1)
 
     def test_compiler(self):
         compiled = [f" + gfortran -c ././{file}   -Wall -o x.o" for file in verify.own_sources()]
         theirs = ["build/dependencies/x/src/x.f90:1:2:", "Warning: unused"]
-        self.assert_counts(verify.compiler(compiled + theirs), 2, 0)
+        self.assert_counts(verify.compiler(text(*compiled, *theirs)), 2, 0)
         ours = ["././src/tandem/x.f90:3:4:", "", "    3 | x", "      | 1", "Warning: Unused variable [-Wunused]"]
-        count = verify.compiler(compiled + ours)
+        count = verify.compiler(text(*compiled, *ours))
         self.assert_counts(count, 1, 1)
         self.assertEqual(count.notes[1], "  src/tandem/x.f90:3: Warning: Unused variable [-Wunused]")
-        self.assert_counts(verify.compiler([*compiled, "/usr/bin/ld: warning: x.o: requires executable stack"]), 1, 1)
-        self.assert_counts(verify.compiler(compiled[1:]), 1, 1)
+        self.assert_counts(verify.compiler(text(*compiled, "/usr/bin/ld: warning: x.o: requires executable stack")), 1, 1)
+        self.assert_counts(verify.compiler(text(*compiled[1:])), 1, 1)
 
     def test_unittest(self):
-        self.assert_counts(verify.unittest_text(["Ran 3 tests in 0.1s", "", "OK"]), 3, 0)
-        self.assert_counts(verify.unittest_text(["Ran 3 tests in 0.1s", "", "OK (skipped=1)"]), 2, 0, 1)
-        text = ["=" * 70, "FAIL: x", "Ran 5 tests in 0.1s", "", "FAILED (failures=1, errors=1, skipped=1)"]
-        self.assert_counts(verify.unittest_text(text), 2, 2, 1)
-        self.assert_counts(verify.unittest_text(["Ran 2 tests in 0s", "", "FAILED (unexpected successes=1)"]), 1, 1)
-        self.assert_counts(verify.unittest_text([*text, "Ran 3 tests in 0.1s", "", "OK (skipped=1)"]), 4, 2, 2)
+        self.assert_counts(verify.unittest_text(text("Ran 3 tests in 0.1s", "", "OK")), 3, 0)
+        self.assert_counts(verify.unittest_text(text("Ran 3 tests in 0.1s", "", "OK (skipped=1)")), 2, 0, 1)
+        lines = ["=" * 70, "FAIL: x", "Ran 5 tests in 0.1s", "", "FAILED (failures=1, errors=1, skipped=1)"]
+        self.assert_counts(verify.unittest_text(text(*lines)), 2, 2, 1)
+        self.assert_counts(verify.unittest_text(text("Ran 2 tests in 0s", "", "FAILED (unexpected successes=1)")), 1, 1)
+        self.assert_counts(verify.unittest_text(text(*lines, "Ran 3 tests in 0.1s", "", "OK (skipped=1)")), 4, 2, 2)
 
     def test_ok_lines(self):
-        count = verify.ok_lines(["ok one", "building", "not ok two", "expected 3, got 4"])
+        count = verify.ok_lines(text("ok one", "building", "not ok two", "expected 3, got 4"))
         self.assert_counts(count, 1, 1)
         self.assertEqual(count.notes, ["not ok two", "expected 3, got 4"])
 
@@ -104,15 +97,8 @@ class Runs(unittest.TestCase):
         self.assertEqual(self.count("echo nothing"), (0, 1))
 
     def test_hang(self):
-        # Idle for three seconds: a busy machine may need one of them for the first line.
-        self.assertEqual(self.count("echo ok one; sleep 60", minutes=0.2), (1, 1))
-
-    def test_endless_loop(self):
-        self.assertEqual(self.count("echo ok one; while true; do true; done", minutes=0.02), (1, 1))
-
-    def test_processor_time_of_children_counts(self):
-        script = "echo ok one; while true; do timeout 0.2 sh -c 'while true; do true; done'; done"
-        self.assertEqual(self.count(script, minutes=0.02), (1, 1))
+        # A busy machine may need some of these seconds for the first line.
+        self.assertEqual(self.count("echo ok one; sleep 60", minutes=0.05), (1, 1))
 
     def test_the_callers_language_and_hooks_do_not_matter(self):
         own = {"LC_ALL": "de_DE.ISO-8859-1", "LANGUAGE": "de", "GIT_DIR": "/nonexistent", "OPENBLAS_NUM_THREADS": "7"}
