@@ -6,40 +6,12 @@
 # of the command line: they work outside the checkout, and each part comes and goes alone.
 #
 # The program is build/tandem, which `make build` leaves there.
-#
-# Usage: tools/check_install.sh
-#
-# Prints "ok NAME" or "not ok NAME" for each check, and details after a failure; tools/verify.py counts them.
-# Exit code 1 if anything failed.
-set -uo pipefail
 cd "$(dirname "$0")/.." || exit 1
-export LC_ALL=C.UTF-8 OPENBLAS_NUM_THREADS=1
+. tools/checks.sh
 unset LD_LIBRARY_PATH PKG_CONFIG_PATH CMAKE_PREFIX_PATH MAKEFLAGS MFLAGS MAKELEVEL FFLAGS CFLAGS CXXFLAGS LDFLAGS OMP_DYNAMIC OMP_THREAD_LIMIT
 
 root=$PWD
-tmp=$(mktemp -d) || exit 1
-trap 'rm -rf "$tmp"' EXIT
 prefix=$tmp/installed
-failures=0
-
-check() { # NAME COMMAND...: passes if the command succeeds; its output explains a failure
-    local name=$1
-    shift
-    if "$@" >"$tmp/told" 2>&1; then
-        echo "ok $name"
-    else
-        echo "not ok $name"
-        tail -n 20 "$tmp/told"
-        failures=$((failures + 1))
-    fi
-}
-
-error_below() { # LIMIT LOG: the line "error: NUMBER" of a program's output
-    awk -v limit="$1" '
-        $1 == "error:" { found = 1; value = $2 }
-        END { print found ? "error " value ", allowed " limit : "no line \"error: NUMBER\""; exit !(found && value + 0 == value && value < limit) }
-        ' "$2"
-}
 
 tests_of() { # PROGRAM: it prints its own "ok" and "not ok" lines; one more for how it ended
     local code=0
@@ -58,11 +30,6 @@ warns_not() { # COMMAND...: succeeds without a word on standard error
 
 check library-installs tools/library.py install --prefix "$prefix" --parts library
 
-nothing_else_linked() { # no symbol or library of HDF5 or TOML
-    { ldd "$1" && nm -D "$1"; } >"$tmp/symbols" || return 1
-    grep -q tandem "$tmp/symbols" || { echo "no symbol of tandem"; return 1; }
-    ! grep -iE 'h5[a-z]+_f|hdf5|toml' "$tmp/symbols"
-}
 check library-links-neither-hdf5-nor-toml nothing_else_linked "$prefix/lib/libtandem.so.1"
 
 needs_only_lapack_and_blas() {
@@ -119,32 +86,26 @@ check a-version-that-is-not-recorded-is-noticed notices src/tandem/legacy/versio
 export PKG_CONFIG_PATH=$prefix/lib/pkgconfig CMAKE_PREFIX_PATH=$prefix
 mkdir "$tmp/empty" # nothing of the checkout is at hand
 build_example() ( cd "$tmp/example/$1" && shift && "$@" )
-run_example() ( cd "$tmp/empty" && "${@:2}" >"$tmp/$1.log" 2>&1 || { cat "$tmp/$1.log"; exit 1; } )
+run_example() ( cd "$tmp/empty" && agrees "$@" )
 
 check f77-example-compiles-without-warning build_example f77 warns_not make -s PREFIX="$prefix"
-check f77-example-runs run_example f77 "$tmp/example/f77/knife"
-check f77-example-agrees-with-its-closed-form error_below 1e-8 "$tmp/f77.log" # rtol = 1e-10
-check f77-mechanism-runs run_example f77_mechanism "$tmp/example/f77/swing"
-check f77-mechanism-agrees-with-its-closed-form error_below 1e-8 "$tmp/f77_mechanism.log" # rtol = 1e-10
+check f77-example-agrees-with-its-closed-form run_example 1e-8 "$tmp/example/f77/knife" # rtol = 1e-10
+check f77-mechanism-agrees-with-its-closed-form run_example 1e-8 "$tmp/example/f77/swing" # rtol = 1e-10
 check f77-example-links-neither-hdf5-nor-toml nothing_else_linked "$tmp/example/f77/knife"
 links_by_three_names() { grep -q -- ' -ltandem -llapack -lblas$' "$tmp/example/f77/Makefile"; }
 check f77-example-names-three-libraries links_by_three_names
 check c-example-compiles-without-warning build_example c warns_not make -s
-check c-example-runs run_example c "$tmp/example/c/pendulum"
-check c-example-agrees-with-its-closed-form error_below 1e-9 "$tmp/c.log" # sdirk54, h = 1 ms
+check c-example-agrees-with-its-closed-form run_example 1e-9 "$tmp/example/c/pendulum" # sdirk54, h = 1 ms
 check cpp-example-compiles-without-warning build_example cpp warns_not make -s
-check cpp-example-runs run_example cpp "$tmp/example/cpp/skate"
-check cpp-example-agrees-with-its-closed-form error_below 1e-8 "$tmp/cpp.log" # rtol = 1e-10
-check python-example-runs run_example python python3 "$tmp/example/python/skate.py" "$prefix/lib/libtandem.so.1"
-check python-example-agrees-with-its-closed-form error_below 1e-8 "$tmp/python.log" # rtol = 1e-10
+check cpp-example-agrees-with-its-closed-form run_example 1e-8 "$tmp/example/cpp/skate" # rtol = 1e-10
+check python-example-agrees-with-its-closed-form run_example 1e-8 python3 "$tmp/example/python/skate.py" "$prefix/lib/libtandem.so.1" # rtol = 1e-10
 by_cmake() { cmake -S . -B build "$@" && cmake --build build; }
 check cmake-example-builds build_example cmake by_cmake
-check cmake-example-runs run_example cmake "$tmp/example/cmake/build/skate"
-check cmake-example-agrees-with-its-closed-form error_below 1e-9 "$tmp/cmake.log" # rk4, h = 1 ms
+check cmake-example-agrees-with-its-closed-form run_example 1e-9 "$tmp/example/cmake/build/skate" # rk4, h = 1 ms
 by_cmake_static() { sed -i 's/PRIVATE tandem::tandem\b[^)]*/PRIVATE tandem::tandem_static/' CMakeLists.txt && rm -rf build && by_cmake; }
 check cmake-example-links-statically build_example cmake by_cmake_static
 check cmake-example-needs-no-shared-library bash -c '! ldd "$1" | grep tandem' - "$tmp/example/cmake/build/skate"
-check static-example-runs run_example static "$tmp/example/cmake/build/skate"
+check static-example-agrees-with-its-closed-form run_example 1e-9 "$tmp/example/cmake/build/skate"
 statically() { # shellcheck disable=SC2046  # words
     cc pendulum.c -o static $(pkg-config --cflags --libs tandem-static)
 }
@@ -154,7 +115,7 @@ wholly() { # shellcheck disable=SC2046  # words
     cc -static pendulum.c -o whole $(pkg-config --static --cflags --libs tandem) && ! ldd ./whole
 }
 check c-example-links-as-a-whole build_example c wholly
-check static-c-example-runs run_example c-static "$tmp/example/c/static"
+check static-c-example-agrees-with-its-closed-form run_example 1e-9 "$tmp/example/c/static"
 as_documented() ( # LINE: one of the lines of doc/linking.md as it stands there, in the folder of its example
     local folder source
     source=$(grep -oE '(knife\.f|pendulum\.c|skate\.cpp|main\.f90|cmake|skate\.py)\b' <<<"$1" | head -n 1)
@@ -163,8 +124,7 @@ as_documented() ( # LINE: one of the lines of doc/linking.md as it stands there,
     *) echo "no example in: $1"; return 1 ;;
     esac
     rm -rf "$tmp/documented" && cp -R example/$folder "$tmp/documented" && cd "$tmp/documented" || return 1
-    env -i HOME="$tmp/home" PATH="$PATH" OPENBLAS_NUM_THREADS=1 sh -ec "$setting"$'\n'"$1" >"$tmp/documented.log" 2>&1 || { cat "$tmp/documented.log"; return 1; }
-    error_below 1e-8 "$tmp/documented.log"
+    agrees 1e-8 env -i HOME="$tmp/home" PATH="$PATH" OPENBLAS_NUM_THREADS=1 sh -ec "$setting"$'\n'"$1"
 )
 mkdir "$tmp/home" && ln -s "$prefix" "$tmp/home/tandem" # where the page installs it
 mapfile -t lines < <(sed -n '/^export PREFIX/,/^```/{/^```/d;p}' doc/linking.md)
