@@ -1,9 +1,9 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of the accuracy of implicit steppers against the reference solutions, and of all steppers on the motorcycles against an
-!> independent solution by the index-1 equations with multipliers. (The suite `rk4` compares RK4 with the references.)
+!> Tests of the accuracy of RK4 and of implicit steppers against the reference solutions, and of all steppers on the motorcycles
+!> against an independent solution by the index-1 equations with multipliers.
 !>
 !> Bounds are the measured errors of order and step, with a margin of two; truncation errors hardly depend on the machine. If
-!> rounding or the remainder of Newton's iteration dominates, the margin is ten.
+!> rounding, the constraint tolerance or the remainder of Newton's iteration dominates, the margin is ten.
 module test_accuracy
     use asserts, only: check_below, check_close, check_count, check_no_failure
     use kkt, only: kkt_type, solve_independently
@@ -26,6 +26,7 @@ contains
         type(unittest_type), allocatable, intent(out) :: testsuite(:)
 
         testsuite = [ &
+            new_unittest('scenes-with-rk4-agree-with-their-references', test_rk4), &
             new_unittest('vehicle-with-sdirk54-agrees-with-its-reference', test_vehicle_sdirk54), &
             new_unittest('vehicle-with-the-trapezoid-agrees-with-its-reference', test_vehicle_trapezoid), &
             new_unittest('disk-with-sdirk54-agrees-with-its-reference', test_disk_sdirk54), &
@@ -64,16 +65,33 @@ contains
                 failure, watch)
             call check_no_failure(error, failure)
             call check_count(error, watch%met, rows, 'rows of the table that were met')
-            call check_below(error, watch%q, bounds(1), stepper//': error of q')
-            call check_below(error, watch%qd, bounds(2), stepper//': error of qd')
+            call check_below(error, watch%q, bounds(1), scene//' with '//stepper//': error of q')
+            call check_below(error, watch%qd, bounds(2), scene//' with '//stepper//': error of qd')
             if (size(bounds) > 2) then
-                call check_below(error, watch%qdd, bounds(3), stepper//': relative error of qdd')
-                call check_below(error, watch%lambda, bounds(4), stepper//': relative error of lambda')
+                call check_below(error, watch%qdd, bounds(3), scene//' with '//stepper//': relative error of qdd')
+                call check_below(error, watch%lambda, bounds(4), scene//' with '//stepper//': relative error of lambda')
             end if
             if (present(final_bound) .and. .not. allocated(error)) call check_close(error, simulation%state%q, &
-                table%q_at(t_end), final_bound, stepper//': q at the end')
+                table%q_at(t_end), final_bound, scene//' with '//stepper//': q at the end')
         end associate
     end subroutine compare
+
+    subroutine test_rk4(error)
+        type(error_type), allocatable, intent(out) :: error
+
+        ! At h = 1e-3 the error is rounding and the constraint tolerance, 1e-12 of 150 m; 1e-9 is guaranteed at t = 10.
+        call compare('vehicle', 'rk4', 1.0e-3_wp, 10.0_wp, 42, [3.0e-11_wp, 1.0e-11_wp, 2.0e-12_wp, 2.0e-11_wp], error, 1.0e-9_wp)
+        ! Perturbations grow by 1e2 to 1e3 up to t = 10 and peak in the dips; 5e-7 is guaranteed at t = 10.
+        call compare('disk', 'rk4', 1.0e-3_wp, 10.0_wp, 21, [2.0e-6_wp, 1.2e-5_wp, 5.0e-6_wp, 2.0e-6_wp], error, 5.0e-7_wp)
+        ! At 60 rad/s a step of 1e-3 turns the top by 0.06 rad.
+        call compare('heavy_top', 'rk4', 1.0e-3_wp, 2.0_wp, 11, [5.0e-7_wp, 1.6e-5_wp, 9.0e-7_wp, 6.0e-7_wp], error)
+        ! Rounding at h = 1e-3, truncation at h = 1e-2.
+        call compare('knife_edge', 'rk4', 1.0e-3_wp, 10.0_wp, 10, [1.0e-11_wp, 1.0e-11_wp, 1.0e-11_wp, 1.5e-11_wp], error)
+        call compare('knife_edge', 'rk4', 1.0e-2_wp, 10.0_wp, 10, [9.0e-9_wp, 2.0e-9_wp, 1.1e-9_wp, 9.0e-10_wp], error)
+        ! The spring's 3132 rad/s need h < 9e-4; at 1e-4 (h lambda = 0.31) the phase error of its oscillation of 1e-3 m is 1 %.
+        call compare('stiff_pendulum', 'rk4', 1.0e-4_wp, 0.5_wp, 7, [2.5e-5_wp, 7.0e-2_wp, 4.0_wp, 3.0_wp], error)
+        call compare('stiff_pendulum', 'rk4', 2.5e-5_wp, 0.5_wp, 7, [1.0e-7_wp, 3.0e-4_wp, 1.7e-2_wp, 1.2e-2_wp], error)
+    end subroutine test_rk4
 
     !> At h = 1e-3 the error is the remainder of Newton's iteration, 1e-14 of 150 m per stage; 1e-9 is guaranteed at t = 10.
     subroutine test_vehicle_sdirk54(error)

@@ -1,5 +1,6 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of RK4's accuracy: exactness on polynomials, and distances from the reference solutions.
+!> Tests of RK4's accuracy: exactness on polynomials, and distances from closed forms. Suite `accuracy` compares it with the
+!> reference solutions.
 !>
 !> Bounds are the measured errors of order and step, with a margin of two; truncation errors hardly depend on the machine. If
 !> rounding and the constraint tolerance dominate, the margin is ten.
@@ -10,18 +11,14 @@ module test_rk4
     use model_knife_edge, only: knife_edge_type
     use model_moving_pivot, only: angle_equation_type, moving_pivot_type
     use model_particle, only: particle_type
-    use reference, only: read_reference
-    use runs, only: choose, new_scene, run
-    use tandem, only: failure_type => error_type, model_type, options_type, properties_type, simulation_type, stepper_names, wp
+    use runs, only: choose, run
+    use tandem, only: failure_type => error_type, options_type, properties_type, simulation_type, stepper_names, wp
     use tandem_stepper_rk4, only: rk4_type
     use testdrive, only: error_type, new_unittest, unittest_type
-    use watch, only: reference_watch_type
     implicit none (type, external)
     private
 
     public :: collect_rk4
-
-    real(wp), parameter :: two_pi = 8*atan(1.0_wp)
 
 contains
 
@@ -35,12 +32,7 @@ contains
             new_unittest('a-force-that-grows-with-time-squared-is-integrated-exactly', test_exact), &
             new_unittest('a-force-that-grows-with-time-cubed-has-the-error-of-order-four', test_order_four), &
             new_unittest('harmonic-oscillator-has-the-stability-function-of-rk4', test_oscillator), &
-            new_unittest('vehicle-agrees-with-its-reference', test_vehicle), &
-            new_unittest('disk-agrees-with-its-reference', test_disk), &
-            new_unittest('heavy-top-agrees-with-its-reference', test_heavy_top), &
-            new_unittest('knife-edge-agrees-with-its-reference', test_knife_edge), &
             new_unittest('knife-edge-agrees-with-its-closed-form', test_knife_edge_closed), &
-            new_unittest('stiff-pendulum-agrees-with-its-reference', test_stiff_pendulum), &
             new_unittest('pendulum-that-falls-with-its-pivot-turns-uniformly', test_falling_pivot), &
             new_unittest('pendulum-on-a-shaken-pivot-agrees-with-its-angle-equation', test_shaken_pivot), &
             new_unittest('differences-stand-in-for-a-missing-gamma', test_no_gamma), &
@@ -137,69 +129,6 @@ contains
         end do
     end subroutine test_oscillator
 
-    !> Run a scene with default options except the step, and compare with the reference at all its times.
-    subroutine compare(scene, step, t_end, rows, bounds, error, final_bound)
-        character(len=*), intent(in) :: scene
-        real(wp), intent(in) :: step, t_end
-        !> Required number of common rows of the table.
-        integer, intent(in) :: rows
-        !> Bounds for q, qd, and relative for qdd and lambda.
-        real(wp), intent(in) :: bounds(4)
-        type(error_type), allocatable, intent(inout) :: error
-        !> Bound for q at t_end.
-        real(wp), intent(in), optional :: final_bound
-        class(model_type), allocatable, target :: model
-        type(simulation_type) :: simulation
-        type(reference_watch_type) :: watch
-        type(failure_type), allocatable :: failure
-
-        call new_scene(scene, model)
-        call read_reference(scene, watch%table)
-        ! The vehicle's acceleration jumps there: the table has its left limit, the simulation its right one.
-        if (scene == 'vehicle') watch%skip_acceleration_at = two_pi
-        associate (table => watch%table)
-            call run(simulation, model, choose(step=step), table%t(1), table%q(:, 1), table%qd(:, 1), t_end, failure, watch)
-            call check_no_failure(error, failure)
-            call check_count(error, watch%met, rows, 'rows of the table that were met')
-            call check_below(error, watch%q, bounds(1), 'error of q')
-            call check_below(error, watch%qd, bounds(2), 'error of qd')
-            call check_below(error, watch%qdd, bounds(3), 'relative error of qdd')
-            call check_below(error, watch%lambda, bounds(4), 'relative error of lambda')
-            if (present(final_bound) .and. .not. allocated(error)) call check_close(error, simulation%state%q, &
-                table%q_at(t_end), final_bound, 'q at the end')
-        end associate
-    end subroutine compare
-
-    !> At h = 1e-3 the error is rounding and the constraint tolerance, 1e-12 of 150 m; 1e-9 is guaranteed at t = 10.
-    subroutine test_vehicle(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call compare('vehicle', 1.0e-3_wp, 10.0_wp, 42, [3.0e-11_wp, 1.0e-11_wp, 2.0e-12_wp, 2.0e-11_wp], error, 1.0e-9_wp)
-    end subroutine test_vehicle
-
-    !> Perturbations grow by 1e2 to 1e3 up to t = 10 and peak in the dips; 5e-7 is guaranteed at t = 10.
-    subroutine test_disk(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call compare('disk', 1.0e-3_wp, 10.0_wp, 21, [2.0e-6_wp, 1.2e-5_wp, 5.0e-6_wp, 2.0e-6_wp], error, 5.0e-7_wp)
-    end subroutine test_disk
-
-    !> At 60 rad/s a step of 1e-3 turns the top by 0.06 rad.
-    subroutine test_heavy_top(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call compare('heavy_top', 1.0e-3_wp, 2.0_wp, 11, [5.0e-7_wp, 1.6e-5_wp, 9.0e-7_wp, 6.0e-7_wp], error)
-    end subroutine test_heavy_top
-
-    subroutine test_knife_edge(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        ! Rounding at h = 1e-3, ...
-        call compare('knife_edge', 1.0e-3_wp, 10.0_wp, 10, [1.0e-11_wp, 1.0e-11_wp, 1.0e-11_wp, 1.5e-11_wp], error)
-        ! ... truncation at h = 1e-2.
-        call compare('knife_edge', 1.0e-2_wp, 10.0_wp, 10, [9.0e-9_wp, 2.0e-9_wp, 1.1e-9_wp, 9.0e-10_wp], error)
-    end subroutine test_knife_edge
-
     subroutine test_knife_edge_closed(error)
         type(error_type), allocatable, intent(out) :: error
         type(knife_edge_type), target :: model
@@ -223,14 +152,6 @@ contains
         call check_close(error, simulation%state%qdd, qdd, 2.0e-9_wp, 'qdd')
         call check_close(error, found, lambda, 6.0e-9_wp, 'lambda')
     end subroutine test_knife_edge_closed
-
-    !> The spring's 3132 rad/s need h < 9e-4; at 1e-4 (h lambda = 0.31) the phase error of its oscillation of 1e-3 m is 1 %.
-    subroutine test_stiff_pendulum(error)
-        type(error_type), allocatable, intent(out) :: error
-
-        call compare('stiff_pendulum', 1.0e-4_wp, 0.5_wp, 7, [2.5e-5_wp, 7.0e-2_wp, 4.0_wp, 3.0_wp], error)
-        call compare('stiff_pendulum', 2.5e-5_wp, 0.5_wp, 7, [1.0e-7_wp, 3.0e-4_wp, 1.7e-2_wp, 1.2e-2_wp], error)
-    end subroutine test_stiff_pendulum
 
     subroutine test_falling_pivot(error)
         type(error_type), allocatable, intent(out) :: error
