@@ -1,5 +1,5 @@
 ! SPDX-License-Identifier: MIT
-!> Tests of whole mechanisms: the IFToMM library's pendulum, four-bars and Bricard mechanism, Andrews' squeezer, each against a
+!> Tests of whole mechanisms: the IFToMM library's pendulum and Bricard mechanism, Andrews' squeezer, each against a
 !> reference that is independent of this project's solver or a closed form; and the rolling disk as a mechanism against the disk
 !> that was derived by hand.
 module test_mechanism_motion
@@ -27,7 +27,6 @@ contains
         testsuite = [ &
             new_unittest('pendulum-of-a-point-mass', test_point_pendulum), &
             new_unittest('pendulum-of-a-body', test_body_pendulum), &
-            new_unittest('two-four-bars', test_four_bars), &
             new_unittest('andrews-squeezer', test_andrews), &
             new_unittest('bricard', test_bricard), &
             new_unittest('ball-of-unequal-inertia', test_ball), &
@@ -71,46 +70,6 @@ contains
         if (allocated(error)) return
         call check_close(error, simulation%state%q(1:2), [-0.27508746257611686_wp, -0.96141920509912506_wp], 1.0e-9_wp, 'mass')
     end subroutine test_body_pendulum
-
-    !> theta'' = c sin(theta) as long as the uprights stay parallel; its solution to 18 digits.
-    subroutine test_four_bars(error)
-        type(error_type), allocatable, intent(out) :: error
-        integer, parameter :: n = 2
-        type(mechanism_type), target :: mechanism
-        type(simulation_type) :: simulation
-        type(failure_type), allocatable :: failure
-        real(wp) :: top(2), angle
-        character(len=8) :: name(0:2*n)
-        integer :: i
-
-        mechanism%planar = .true.
-        mechanism%gravity = [0.0_wp, -9.81_wp, 0.0_wp]
-        do i = 0, n
-            write (name(i), '(a, i0)') 'upright', i
-            call mechanism%add_body(trim(name(i)), 1.0_wp, [real(i, wp), 0.5_wp], failure, inertia=[1/12.0_wp], &
-                velocity=[0.5_wp, 0.0_wp], omega=[-1.0_wp])
-            call check_no_failure(error, failure)
-            call mechanism%add_joint('foot'//name(i)(8:), 'revolute', 'ground', name(i), failure, &
-                at=[real(i, wp), 0.0_wp])
-            call check_no_failure(error, failure)
-        end do
-        do i = 1, n
-            write (name(n + i), '(a, i0)') 'coupler', i
-            call mechanism%add_body(trim(name(n + i)), 1.0_wp, [i - 0.5_wp, 1.0_wp], failure, inertia=[1/12.0_wp], &
-                velocity=[1.0_wp, 0.0_wp])
-            call check_no_failure(error, failure)
-            call mechanism%add_joint('left'//name(i)(8:), 'revolute', name(i - 1), name(n + i), failure, &
-                at=[i - 1.0_wp, 1.0_wp])
-            call check_no_failure(error, failure)
-            call mechanism%add_joint('right'//name(i)(8:), 'revolute', name(i), name(n + i), failure, at=[real(i, wp), 1.0_wp])
-            call check_no_failure(error, failure)
-        end do
-        call go(mechanism, 1.0e-11_wp, 0.6_wp, simulation, error)
-        if (allocated(error)) return
-        angle = simulation%state%q(3)
-        top = simulation%state%q(1:2) + 0.5_wp*[-sin(angle), cos(angle)]
-        call check_close(error, top, [0.884327595936854902_wp, 0.466866900802083729_wp], 1.0e-9_wp, 'B0')
-    end subroutine test_four_bars
 
     !> Data and coordinates of the IVP test set; the reference is more accurate than the test set's.
     subroutine test_andrews(error)
