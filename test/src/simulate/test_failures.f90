@@ -456,6 +456,15 @@ contains
                 if (allocated(error)) return
             end do
         end do
+        do i = 1, 2
+            options = choose(step=0.5_wp, stepper=merge('sdirk54  ', 'trapezoid', i == 1))
+            call run(simulation, model, options, 0.0_wp, q, qd, 40.0_wp, failure)
+            call check_stopped(error, failure, piece='smaller step', place=options%stepper)
+            call check_state_left(error, simulation)
+            statistics = simulation%statistics()
+            ! Three attempts of a dozen corrections a stage.
+            call check_true(error, statistics%newton_corrections < 2000, 'corrections')
+        end do
     end subroutine test_large_step
 
     !> RK4 is stable up to |h lambda| = 2.8; at h = 1e-3 the spring has 3.1.

@@ -17,7 +17,7 @@ module test_statuses
     use runs, only: run
     use subjects, only: new_subject
     use tandem, only: derivative_name, failure_type => error_type, is_input_error, model_type, n_derivatives, n_terms, &
-        options_type, rolling_disk_type, simulation_type, statistics_type, term_name, wp
+        options_type, rolling_disk_type, simulation_type, term_name, wp
     use testdrive, only: error_type, new_unittest, unittest_type
     use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
     implicit none (type, external)
@@ -51,7 +51,6 @@ contains
             new_unittest('a-derivative-that-is-no-number-is-reported', test_derivative_nan), &
             new_unittest('a-failure-leaves-the-last-state-with-its-multipliers', test_left_behind), &
             new_unittest('a-failed-step-can-be-retried-with-a-smaller-one', test_smaller), &
-            new_unittest('implicit-steps-too-large-for-the-disk-end-in-a-named-status', test_large_step), &
             new_unittest('a-time-too-large-for-the-step-is-an-underflow', test_underflow), &
             new_unittest('constraints-that-cannot-be-held-are-reported', test_not_held), &
             new_unittest('near-redundant-constraints-are-held', test_near_redundant), &
@@ -355,30 +354,6 @@ contains
             call check_no_failure(error, failure)
         end do
     end subroutine test_smaller
-
-    subroutine test_large_step(error)
-        type(error_type), allocatable, intent(out) :: error
-        type(rolling_disk_type), target :: model
-        type(simulation_type) :: simulation
-        type(options_type) :: options
-        type(statistics_type) :: statistics
-        type(failure_type), allocatable :: failure
-        real(wp) :: q(9), qd(9)
-        integer :: k
-
-        call model%define()
-        call model%start([-1.0_wp, 0.01_wp, 0.0_wp], 0.0_wp, q, qd)
-        options%step = 0.5_wp
-        do k = 1, 2
-            options%stepper = merge('sdirk54  ', 'trapezoid', k == 1)
-            call run(simulation, model, options, 0.0_wp, q, qd, 40.0_wp, failure)
-            call check_stopped(error, failure, piece='smaller step', place=options%stepper)
-            call check_state_left(error, simulation)
-            statistics = simulation%statistics()
-            ! Bounded work: three attempts of a dozen corrections a stage.
-            call check_true(error, statistics%newton_corrections < 2000, 'corrections')
-        end do
-    end subroutine test_large_step
 
     !> At t = 1e16 the spacing of numbers is 2.
     subroutine test_underflow(error)
