@@ -25,8 +25,9 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 try:
     from plots import loci, motion, performance, stability
-    from plots.files import kind_of, read_result
     from tandem.plot import precision, save
+    from tandem.result import read as read_result
+    from tandem.study import kind_of
 except ModuleNotFoundError as missing:
     print(f"plot.py: there is no package {missing.name} for {sys.executable}\n"
           "Call tools/setup.sh plot once, which brings all that is needed into .venv, and then .venv/bin/python tools/plot.py ...",
@@ -47,7 +48,7 @@ def main():
 
     if [Path(path).suffix for path in arguments.files] == [".csv"]:
         return loci.draw(arguments.files[0], arguments.picture)
-    kinds = {kind_of(path) for path in arguments.files}
+    kinds = {kind_of(path) or "result" for path in arguments.files}
     if kinds == {"stability"} and len(arguments.files) == 1:
         draw = stability.draw_steps if arguments.stiffness else stability.draw
         return draw(arguments.files, arguments.picture)

@@ -3,8 +3,8 @@
 
 import numpy as np
 from tandem.plot import coordinates, overview
+from tandem.result import read as read_result
 
-from .files import read_result
 from .style import BLUE, ORANGE, label, plt, save
 
 

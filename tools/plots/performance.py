@@ -7,8 +7,8 @@ import h5py
 import numpy as np
 from matplotlib.lines import Line2D
 from tandem.plot.studies import ERROR
+from tandem.study import read_study
 
-from .files import read_study
 from .style import GREY, RED, STEPPERS, plt, save
 from .tables import brief, head, row
 

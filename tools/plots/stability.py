@@ -3,8 +3,8 @@
 
 import numpy as np
 from matplotlib.patches import Patch, Rectangle
+from tandem.study import read_study
 
-from .files import read_study
 from .style import STEPPERS, plt, save
 
 # A colour and a letter per verdict, light enough for black letters, dark enough to be distinct in grey.

@@ -5,8 +5,8 @@ import re
 from pathlib import Path
 
 import numpy as np
+from tandem.study import read_study
 
-from .files import read_study
 from .style import STEPPERS
 
 
@@ -173,15 +173,6 @@ class Tables:
                              f"{c['memory_growth'][i]:.0f}", f"{1e6 * c['cpu_seconds'][i] / c['steps'][i]:.1f}"))
         return lines
 
-    def stability_duration(self):
-        """Duration of the study."""
-        lines = head("command", "took")
-        for line in (self.folder / "durations.txt").read_text().splitlines():
-            seconds, command = line.split(" ", 1)
-            if "stability" in command:
-                lines.append(row(f"`{command}`", f"{seconds} s"))
-        return lines
-
     def paper(self, number):
         """A table of the paper and the results of tandem."""
         c = self.study("tables").columns
@@ -216,12 +207,13 @@ class Tables:
                              str(c["paper"][k]) or "-", value, str(c["difference"][k])))
         return lines
 
-    def durations(self):
-        """Durations of the studies, as noted by tools/plots.sh."""
+    def durations(self, study=""):
+        """Durations of the studies, as noted by tools/plots.sh, or of one of them."""
         lines = head("command", "took")
         for line in (self.folder / "durations.txt").read_text().splitlines():
             seconds, command = line.split(" ", 1)
-            lines.append(row(f"`{command}`", f"{seconds} s"))
+            if study in command:
+                lines.append(row(f"`{command}`", f"{seconds} s"))
         return lines
 
 
