@@ -9,12 +9,12 @@ Usage: tools/library.py build     [--build DIR] [--flags FLAGS]
        tools/library.py uninstall [--prefix DIR] [--destdir DIR] [--parts PART...]
 
 The parts, all of them but the last unless --parts names some:
-  library       the solver, static and shared. Needs gfortran, LAPACK and BLAS, and nothing else.
+  library       the solver, static and shared. Needs gfortran, make, LAPACK and BLAS, and nothing else.
   program       build/optimised/tandem, which `make optimised` leaves there, or --program FILE, and the shipped scenes.
   command-line  the command line as a static library, for models of one's own. Needs HDF5 and toml-f (tools/setup.sh) too.
   mpi           build/tandem-mpi, which `make mpi` leaves there; its scenes are those of the program.
 
-`build` builds the solver. Sources are compiled in the order of their modules, those that have changed since the last time. FC
+`build` builds the solver. Sources are compiled by make in the order of their modules, those that have changed since the last time. FC
 names another gfortran, CC another C compiler.
 
 --portable makes parts `library` and `program` that run on any Linux of this kind and from any folder: the program holds HDF5 and is
@@ -25,11 +25,11 @@ library for newer processors stand beside them. `make wheel` ships them, and so 
 import argparse
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 import tarfile
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -86,54 +86,37 @@ def dependencies(sources):
 
 
 def compile_all(build, flags, roots, includes=()):
-    """Objects and module files of all sources, each after those that it needs; returns the objects. `includes` are folders of
+    """Objects and module files of all sources, by make, each after those that it needs; returns the objects. `includes` are folders of
     module files that come from elsewhere: where one of them is new, everything is compiled."""
     sources = sorted(source for root in roots for ending in ("f90", "c") for source in root.rglob(f"*.{ending}"))
     needs = dependencies([source for source in sources if source.suffix == ".f90"])
     modules = build / "modules"
     modules.mkdir(parents=True, exist_ok=True)
-    stamp = build / "flags"
-    # Relative paths: programs hold the options of their compilation.
-    where = [f"-I{os.path.relpath(folder, ROOT)}" for folder in includes]
-    command = [FC, *ALWAYS, *flags, *where, "-J", os.path.relpath(modules, ROOT), "-c"]
-    commands = {".f90": command, ".c": [CC, "-fPIC", *flags, *where, "-c"]}
-    if not stamp.exists() or stamp.read_text() != " ".join(command):
+    # Relative paths: programs hold the options of their compilation, and make takes no blanks.
+    where = [f"-I{relative(folder)}" for folder in includes]
+    commands = {".f90": [FC, *ALWAYS, *flags, *where, "-J", relative(modules), "-c"], ".c": [CC, "-fPIC", *flags, *where, "-c"]}
+    objects = {source: relative(build / (object_name(source, roots) + ".o")) for source in sources}
+    # Other flags or sources: nothing is left of what was compiled.
+    stamp, now = build / "stamp", "\n".join([*commands[".f90"], *objects.values()])
+    if not stamp.exists() or stamp.read_text() != now:
         for file in [*build.glob("*.o"), *modules.glob("*")]:
             file.unlink()
-        stamp.write_text(" ".join(command))
-    objects = {source: build / (object_name(source, roots) + ".o") for source in sources}
-    for stale in set(build.glob("*.o")) - set(objects.values()):
-        stale.unlink()
-    oldest = max((file.stat().st_mtime for folder in includes for file in Path(folder).glob("*.mod")), default=0)
-    fresh = {}
+        stamp.write_text(now)
+    rules = ["elsewhere = " + " ".join(relative(file) for folder in includes for file in sorted(Path(folder).glob("*.mod")))]
+    for source, made in objects.items():
+        first = [relative(source), *sorted(objects[other] for other in needs.get(source, ()))]
+        quiet = ["-w"] * (TOML_F in source.parents)
+        rules.append(f"{made}: {' '.join(first)} $(elsewhere)\n\t{shlex.join([*commands[source.suffix], *quiet, first[0], '-o', made])}")
+    (build / "Makefile").write_text("\n".join(rules) + "\n")
+    own = {name: value for name, value in os.environ.items() if name not in ("MAKEFLAGS", "MFLAGS", "MAKELEVEL")}
+    command = ["make", "-s", f"-j{os.cpu_count()}", "-f", str(build / "Makefile"), *objects.values()]
+    if subprocess.run(command, cwd=ROOT, env=own).returncode:
+        raise SystemExit("library: not everything compiles")
+    return [ROOT / made for made in objects.values()]
 
-    def compile_one(source):
-        """True if it was compiled; also if a source it depends on was."""
-        target = objects[source]
-        newer = target.exists() and target.stat().st_mtime > max(source.stat().st_mtime, oldest)
-        if newer and not any(fresh[other] for other in needs.get(source, ())):
-            return False
-        target.unlink(missing_ok=True)
-        run = subprocess.run(
-            [*commands[source.suffix], str(source.relative_to(ROOT)), "-o", str(target)], cwd=ROOT, capture_output=True, text=True
-        )
-        if run.returncode or (run.stderr and TOML_F not in source.parents):
-            print(run.stderr, file=sys.stderr)
-        if run.returncode:
-            raise SystemExit(f"library: {source.relative_to(ROOT)} does not compile")
-        return True
 
-    waiting, running = set(sources), {}
-    with ThreadPoolExecutor(os.cpu_count()) as pool:
-        while waiting or running:
-            for source in [source for source in waiting if needs.get(source, set()) <= fresh.keys()]:
-                waiting.discard(source)
-                running[pool.submit(compile_one, source)] = source
-            if not running:
-                raise SystemExit("library: modules use each other in a circle")
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                fresh[running.pop(future)] = future.result()
-    return [objects[source] for source in sources]
+def relative(path):
+    return os.path.relpath(path, ROOT)
 
 
 def object_name(source, roots):
@@ -188,7 +171,7 @@ def build_blas(solver, shared):
 
 def build_libraries(build, flags, link=("-llapack", "-lblas")):
     """libtandem.a and libtandem.so in the build folder."""
-    for tool, brings in ((FC, "gfortran"), ("ar", "binutils")):
+    for tool, brings in ((FC, "gfortran"), ("ar", "binutils"), ("make", "make")):
         if shutil.which(tool) is None:
             raise SystemExit(f"library: there is no {tool}; the Debian package {brings} brings it, FC names another compiler")
     build = Path(build).resolve()
