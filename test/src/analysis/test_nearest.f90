@@ -3,8 +3,8 @@
 !> mechanisms against the dense analysis and against closed forms, and refusals.
 module test_nearest
     use asserts, only: check_below, check_close, check_count, check_failure, check_no_failure, check_true
-    use linearised, only: linearise_text
-    use tandem, only: failure_type => error_type, linearisation_type, nearest_type, of_motion, equilibrium_search_type, wp
+    use linearised, only: check_nearest, linearise_text
+    use tandem, only: failure_type => error_type, linearisation_type, nearest_type, equilibrium_search_type, wp
     use tandem_io, only: body_motions, read_scene, scene_type
     use tandem_linalg_complex_lu, only: complex_lu_type
     use tandem_linalg_krylov, only: krylov_type, operator_type
@@ -229,29 +229,14 @@ contains
         type(linearisation_type) :: it
         type(nearest_type) :: nearest
         type(failure_type), allocatable :: failure
-        logical, allocatable :: is_taken(:)
-        integer :: i, j
 
         call linearise_text(text, nothing, scene, it, error)
         if (allocated(error)) return
         call nearest%find(scene%model, scene%t_start, scene%q, shift, k, failure)
         call check_no_failure(error, failure)
         if (allocated(error)) return
-        call check_true(error, nearest%is_complete, what//': all are found')
         call check_true(error, size(nearest%values) >= min(k, size(it%spectrum%values)), what//': as many as were asked for')
-        allocate (is_taken(size(it%spectrum%values)), source=.false.)
-        do i = 1, size(nearest%values)
-            j = minloc(merge(huge(1.0_wp), abs(it%spectrum%values - nearest%values(i)), is_taken), dim=1)
-            call check_below(error, abs(it%spectrum%values(j) - nearest%values(i)), bound*abs(it%spectrum%values(j)) + &
-                merge(0.0_wp, 1.0e-5_wp, it%spectrum%cause(j) == of_motion), what//': difference of an eigenvalue')
-            is_taken(j) = .true.
-        end do
-        ! No nearer one was missed.
-        do j = 1, size(is_taken)
-            if (is_taken(j) .or. size(nearest%values) == 0) cycle
-            call check_true(error, abs(it%spectrum%values(j) - shift) >= (1 - 1.0e-9_wp)*abs(nearest%values(min(k, &
-                size(nearest%values))) - shift), what//': none is missed')
-        end do
+        call check_nearest(nearest, it, shift, k, [bound, 1.0e-5_wp], spread(.true., 1, size(it%spectrum%values)), what, error)
     end subroutine check_agreement
 
     !> Gradients are differences with some 13 digits, and the dense analysis has 12.

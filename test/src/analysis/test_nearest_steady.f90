@@ -3,7 +3,7 @@
 !> frame in another way and has exact gradients, and against closed forms; motions that are not steady are refused.
 module test_nearest_steady
     use asserts, only: check_below, check_failure, check_no_failure, check_true
-    use linearised, only: linearise_scene, linearise_text
+    use linearised, only: check_nearest, linearise_scene, linearise_text
     use tandem, only: failure_type => error_type, in_steady_motion, linearisation_type, nearest_type, of_motion, wp
     use tandem_io, only: read_scene, scene_type
     use testdrive, only: error_type, new_unittest, unittest_type
@@ -60,29 +60,14 @@ contains
         type(error_type), allocatable, intent(inout) :: error
         type(nearest_type) :: nearest
         type(failure_type), allocatable :: failure
-        logical :: is_taken(size(it%spectrum%values))
-        integer :: i, j
 
         if (allocated(error)) return
         call check_true(error, it%kind == in_steady_motion, what//': it is a steady motion')
         call nearest%find(scene%model, scene%t_start, it%q, shift, k, failure, it%qd)
         call check_no_failure(error, failure)
         if (allocated(error)) return
-        call check_true(error, nearest%is_complete, what//': all are found')
         call check_true(error, nearest%frame%moves, what//': says that it moves')
-        is_taken = .false.
-        do i = 1, size(nearest%values)
-            j = minloc(merge(huge(1.0_wp), abs(it%spectrum%values - nearest%values(i)), is_taken), dim=1)
-            call check_below(error, abs(it%spectrum%values(j) - nearest%values(i)), bound*abs(it%spectrum%values(j)) + &
-                merge(0.0_wp, 1.0e-4_wp, it%spectrum%cause(j) == of_motion), what//': difference of an eigenvalue')
-            is_taken(j) = .true.
-        end do
-        ! No nearer one was missed.
-        do j = 1, size(is_taken)
-            if (is_taken(j) .or. size(nearest%values) == 0 .or. it%spectrum%cause(j) /= of_motion) cycle
-            call check_true(error, abs(it%spectrum%values(j) - shift) >= (1 - 1.0e-9_wp)*abs(nearest%values(min(k, &
-                size(nearest%values))) - shift), what//': none is missed')
-        end do
+        call check_nearest(nearest, it, shift, k, [bound, 1.0e-4_wp], it%spectrum%cause == of_motion, what, error)
     end subroutine check_agreement
 
     subroutine test_rotor(error)

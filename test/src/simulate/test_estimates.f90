@@ -102,6 +102,20 @@ contains
     end subroutine test_stiff_pendulum
 
     !> The motorcycle with k and c times 1000.
+    subroutine get_stiff_motorcycle(model, q, qd)
+        class(model_type), allocatable, intent(out) :: model
+        real(wp), allocatable, intent(out) :: q(:), qd(:)
+
+        call new_scene('motorcycle', model)
+        call get_start('motorcycle', q, qd)
+        select type (model)
+        class is (motorcycle_type)
+            model%free_length = model%spring_length()
+            model%stiffness = 1000*model%stiffness
+            model%damping = 1000*model%damping
+        end select
+    end subroutine get_stiff_motorcycle
+
     subroutine test_stiff_suspension(error)
         type(error_type), allocatable, intent(out) :: error
         class(model_type), allocatable, target :: model
@@ -112,14 +126,7 @@ contains
         real(wp), allocatable :: q(:), qd(:)
         integer :: i, j
 
-        call new_scene('motorcycle', model)
-        call get_start('motorcycle', q, qd)
-        select type (model)
-        class is (motorcycle_type)
-            model%free_length = model%spring_length()
-            model%stiffness = 1000*model%stiffness
-            model%damping = 1000*model%damping
-        end select
+        call get_stiff_motorcycle(model, q, qd)
         do i = 1, size(pairs)
             do j = 1, size(projections)
                 options%stepper = pairs(i)
@@ -150,14 +157,7 @@ contains
         real(wp), parameter :: steps(2) = [1.0e-4_wp, 1.0e-5_wp]
         integer :: i
 
-        call new_scene('motorcycle', model)
-        call get_start('motorcycle', q, qd)
-        select type (model)
-        class is (motorcycle_type)
-            model%free_length = model%spring_length()
-            model%stiffness = 1000*model%stiffness
-            model%damping = 1000*model%damping
-        end select
+        call get_stiff_motorcycle(model, q, qd)
         do i = 1, size(steps)
             options%step = steps(i)
             call run(simulation, model, options, 0.0_wp, q, qd, 0.01_wp, failure)

@@ -1,13 +1,14 @@
 ! SPDX-License-Identifier: MIT
 !> Common parts of tests of linearised systems: a linearised scene, and comparisons of sets of eigenvalues.
 module linearised
-    use tandem, only: failure_type => error_type, linearisation_type, simulation_type, wp
+    use asserts, only: check_below, check_true
+    use tandem, only: failure_type => error_type, linearisation_type, nearest_type, of_motion, simulation_type, wp
     use tandem_io, only: find_scene, read_scene, scene_type
     use testdrive, only: error_type, test_failed
     implicit none (type, external)
     private
 
-    public :: linearise_scene, linearise_text, check_eigenvalues, has_eigenvalue
+    public :: linearise_scene, linearise_text, check_eigenvalues, check_nearest, has_eigenvalue
 
 contains
 
@@ -99,4 +100,35 @@ contains
             return
         end do
     end subroutine check_eigenvalues
+
+    !> The k eigenvalues nearest to a shift are those of the dense analysis.
+    subroutine check_nearest(nearest, it, shift, k, bounds, is_wanted, what, error)
+        type(nearest_type), intent(in) :: nearest
+        type(linearisation_type), intent(in) :: it
+        complex(wp), intent(in) :: shift
+        integer, intent(in) :: k
+        !> Relative, and an absolute addition for eigenvalues that are not of a motion.
+        real(wp), intent(in) :: bounds(2)
+        !> Eigenvalues of the dense analysis that must be found if they are near enough.
+        logical, intent(in) :: is_wanted(:)
+        character(len=*), intent(in) :: what
+        type(error_type), allocatable, intent(inout) :: error
+        logical :: is_taken(size(is_wanted))
+        integer :: i, j
+
+        call check_true(error, nearest%is_complete, what//': all are found')
+        is_taken = .false.
+        do i = 1, size(nearest%values)
+            j = minloc(merge(huge(1.0_wp), abs(it%spectrum%values - nearest%values(i)), is_taken), dim=1)
+            call check_below(error, abs(it%spectrum%values(j) - nearest%values(i)), bounds(1)*abs(it%spectrum%values(j)) + &
+                merge(0.0_wp, bounds(2), it%spectrum%cause(j) == of_motion), what//': difference of an eigenvalue')
+            is_taken(j) = .true.
+        end do
+        ! No nearer one was missed.
+        do j = 1, size(is_taken)
+            if (is_taken(j) .or. size(nearest%values) == 0 .or. .not. is_wanted(j)) cycle
+            call check_true(error, abs(it%spectrum%values(j) - shift) >= (1 - 1.0e-9_wp)*abs(nearest%values(min(k, &
+                size(nearest%values))) - shift), what//': none is missed')
+        end do
+    end subroutine check_nearest
 end module linearised
