@@ -181,7 +181,7 @@ class Part:
     prepare: callable = None
     folder: Path = ROOT
     # The limit of its duration.
-    minutes: float = 120
+    minutes: float = 60
     # The minutes that it takes on one of two idle cores.
     expected: float = 0.2
     # Another part that must run before, even if it was not requested.
