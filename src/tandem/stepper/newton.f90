@@ -49,6 +49,9 @@ module tandem_stepper_newton
         integer(long), private :: counted = 0
         real(wp), private :: spent = 0.0_wp
         logical, private :: is_fresh = .false., is_ahead = .false.
+        !> Number of steps that a matrix is expected to serve, from the last one that failed; true while this step reuses a matrix.
+        real(wp), private :: lifetime = huge(1.0_wp)
+        logical, private :: is_reused = .false.
         logical :: is_outdated = .true.
         type(prediction_type), private :: prediction
         !> Coordinates and velocities of the stage (n): predicted coordinates on entry, last iterate on return.
@@ -126,11 +129,13 @@ contains
             self%theta = 1.0_wp
             self%significant_theta = 0.0_wp
             self%error_of_steps = 0.0_wp
+            self%lifetime = huge(1.0_wp)
         end if
         self%step_tolerance = max(self%least_tolerance, min(share*self%error_of_steps, loosest*self%least_tolerance))
         self%tolerance(:) = max(self%step_tolerance/self%amplification, 2*epsilon(1.0_wp))
         keeps = continues .and. .not. self%is_outdated
         if (keeps) call chart%reuse(ha, self%ratios, keeps)
+        self%is_reused = keeps
         if (keeps) return
         if (continues) then
             call self%renew_in_step(chart, history, state, h, ha, is_new, stat)
@@ -157,6 +162,8 @@ contains
         is_new = self%is_ahead .or. .not. self%is_fresh
         if (.not. is_new) return
         self%is_ahead = .false.
+        if (self%is_reused) self%lifetime = real(self%n_steps_used, wp)
+        self%is_reused = .false.
         if (.not. self%is_fresh) call renew_ahead(self, chart, history, state, h, ha)
         if (.not. self%is_ahead) call self%renew(chart, state%t, state%q, state%qd, state%qdd, ha, stat)
     end subroutine renew_in_step
@@ -386,6 +393,8 @@ contains
         !> The state at next%t.
         type(state_type), intent(inout) :: next
         integer, intent(out) :: stat
+        !> Growth of the expected lifetime with each matrix that does not fail.
+        real(wp), parameter :: longer = 1.1_wp
         real(wp) :: taken
 
         call self%restore(chart, next%t, ha, stat)
@@ -399,6 +408,10 @@ contains
         self%n_steps_used = self%n_steps_used + 1
         self%spent = self%spent + taken
         self%is_outdated = self%is_outdated .or. taken*self%n_steps_used > self%spent
+        if (self%n_steps_used >= self%lifetime) then
+            self%is_outdated = .true.
+            self%lifetime = longer*self%lifetime
+        end if
     end subroutine finish
 
     !> Pack the contractions of the stages, and the age and cost of the matrix.
@@ -414,6 +427,7 @@ contains
         call pack%item(self%counted)
         call pack%item(self%spent, self%error_of_steps)
         call pack%item(self%is_fresh, self%is_ahead, self%is_outdated)
+        call pack%item(self%lifetime)
         call self%prediction%pack_state(pack)
     end subroutine pack_state
 end module tandem_stepper_newton
