@@ -14,8 +14,9 @@ module tandem_chart_implicit
 
     !> A chart that solves implicit stages.
     type, abstract, extends(chart_type) :: implicit_chart_type
-        !> Entries of the residual of a stage. Changes with the rows in use.
-        integer :: n_residual = 0
+        !> Entries of the residual of a stage; numbers of the first ones that belong to rates of the position and of the velocity.
+        !> Corrections of multipliers may follow. They change with the rows in use.
+        integer :: n_residual = 0, n_rates(2) = 0
         !> Cost of a new Newton matrix in corrections of a stage; steppers use it to decide how long to keep a matrix.
         real(wp) :: matrix_cost = 0.0_wp
         !> True if the corrections of stages contract at any stiffness while bodies turn little: stages that are hard to solve have

@@ -9,6 +9,7 @@
 !> differential equations solved by Radau methods, J. Comput. Appl. Math. 111 (1999) 93-111.
 module tandem_stepper_radau
     use tandem_kinds, only: wp
+    use tandem_linalg_secants, only: secants_type
     use tandem_pack, only: pack_type
     use tandem_stepper, only: properties_type, weighted_norm
     use tandem_stepper_implicit, only: implicit_type
@@ -31,6 +32,8 @@ module tandem_stepper_radau
         integer :: least = 3, most = most_stages
         type(newton_type), private :: newton
         type(history_type), private :: history
+        !> Accelerates slow corrections of all stages.
+        type(secants_type), private :: secants
         !> Method of the last step; number of stages of the next step; data of the choice.
         type(tableau_type), private :: tableau
         integer, private :: wanted = 3
@@ -106,6 +109,7 @@ contains
             allocate (self%rate(n, 2, most), self%q(n, most), self%qd(n, most), &
                 self%residual(2*n, most), self%transformed(2*n, most), self%start_dq(n), self%start_dqd(n), self%start_q(n), &
                 self%start_qd(n), self%error_q(n), self%error_qd(n), self%increment(n, 2), source=0.0_wp)
+            call self%secants%allocate(2*n*most)
         end associate
     end subroutine initialize
 
@@ -119,6 +123,7 @@ contains
         if (size(self%residual, 1) >= height) return
         deallocate (self%residual, self%transformed)
         allocate (self%residual(height, self%most), self%transformed(height, self%most), source=0.0_wp)
+        call self%secants%allocate(height*self%most)
     end subroutine fit_residuals
 
     !> Perform one step. The following are tried in turn: extrapolation of the history; if the matrix is from an earlier step, a new
@@ -193,7 +198,9 @@ contains
         integer, intent(out) :: stat
         !> Number of corrections after which another start value or matrix is tried.
         integer, parameter :: few = 12
-        logical :: is_new
+        !> Limit of the next steps after one that failed, which is much shorter, relative to that step.
+        real(wp), parameter :: after_failure = 0.7_wp
+        logical :: is_new, limits
         integer :: failure
 
         call predict(self, h)
@@ -206,8 +213,10 @@ contains
             call predict(self, h)
             call self%iterate(chart, h, t_end, few, stat)
         end do
-        if (chart%follows_stiffness .and. self%tableau%stages == 3) call limit_step_size(self, chart, h, stat /= status_ok)
+        limits = chart%follows_stiffness .and. self%tableau%stages == 3
+        if (limits) call limit_step_size(self, chart, h, stat /= status_ok)
         if (stat /= status_ok .and. self%tableau%stages == 3) call rescue(self, chart, state, h, t_end, stat)
+        if (limits .and. stat /= status_ok) self%easy_size = min(self%easy_size, after_failure*h)
     end subroutine solve_stages
 
     !> Limit the step size after a step whose stages were hard to solve, if the chart requests this: smaller first, then growing
@@ -242,7 +251,10 @@ contains
         end do
     end subroutine predict
 
-    !> Newton's iteration for all stages.
+    !> Newton's iteration for all stages. Once it has become slow, corrections are accelerated by earlier ones: the Jacobian of
+    !> stiff forces changes along the step, for which few directions matter. The first correction also removes errors of the start
+    !> values that the matrix does not describe, and is not used. Ratios of accelerated corrections alternate; the contraction is
+    !> the geometric mean of two (as in Hairer and Wanner's program RADAU5).
     subroutine iterate(self, chart, h, t_end, most_corrections, stat)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
@@ -254,53 +266,90 @@ contains
         real(wp), parameter :: stagnating = 0.7_wp
         !> Largest accepted ratio of the second correction to the first.
         real(wp), parameter :: coupling = 10.0_wp
-        real(wp) :: change, last_change, theta
+        !> Contraction that is slow enough for an acceleration.
+        real(wp), parameter :: slow = 0.1_wp
+        real(wp) :: change, last_change, last_ratio, move, ratio, theta
+        logical :: is_slow, was_slow
         integer :: k
 
         last_change = 1.0_wp
+        last_ratio = 1.0_wp
+        is_slow = .false.
+        was_slow = .false.
+        call set_weights(self, chart, h)
         do k = 1, most_corrections
-            call correct(self, chart, k == 1, h, t_end, change, stat)
+            call correct(self, chart, k == 1, is_slow, h, t_end, move, change, stat)
             if (stat /= status_ok) return
             if (k == 1) then
                 self%remainder = max(self%remainder, epsilon(1.0_wp))**0.8_wp
             else
-                theta = change/last_change
+                ratio = change/last_change
+                theta = ratio
+                if (was_slow) theta = sqrt(ratio*last_ratio)
+                last_ratio = ratio
+                was_slow = is_slow
+                is_slow = theta > slow
                 call self%choice%note_contraction(theta)
-                if (change <= self%rounding_limit .and. .not. theta < merge(0.95_wp, stagnating, k == 2)) return
+                if (move <= self%rounding_limit .and. .not. theta < merge(0.95_wp, stagnating, k == 2)) return
                 ! Coupling of the stages can leave an error of the first correction, which appears in the second and vanishes with
                 ! the third.
                 if (k > 2 .or. .not. theta < coupling) then
                     if (.not. theta < 0.95_wp) exit
                     ! Stop if the remaining corrections cannot attain the tolerance.
-                    if (theta**(most_corrections - k)*change > (1.0_wp - theta)*self%rounding_limit) exit
+                    if (theta**(most_corrections - k)*move > (1.0_wp - theta)*self%rounding_limit) exit
                 end if
                 self%remainder = 1.0_wp
                 if (theta < 0.95_wp) self%remainder = theta/(1.0_wp - theta)
             end if
-            if (self%remainder*change <= self%tolerance) return
+            if (self%remainder*move <= self%tolerance) then
+                ! The contraction of an accelerated correction is not that of the next step's first one.
+                if (was_slow) self%remainder = 1.0_wp
+                return
+            end if
             last_change = max(change, tiny(1.0_wp))
         end do
         self%remainder = 1.0_wp
         stat = status_newton_failed
     end subroutine iterate
 
+    !> Set the weights of the inner product of corrections: accelerations over the step have the size of velocities, and multipliers
+    !> follow from the rates.
+    subroutine set_weights(self, chart, h)
+        class(radau_type), intent(inout) :: self
+        class(implicit_chart_type), intent(in) :: chart
+        real(wp), intent(in) :: h
+        integer :: i, start
+
+        self%secants%weight(:) = 0.0_wp
+        do i = 1, self%tableau%stages
+            start = (i - 1)*size(self%residual, 1)
+            associate (q => chart%n_rates(1), qd => chart%n_rates(2))
+                self%secants%weight(start + 1:start + q) = 1.0_wp
+                self%secants%weight(start + q + 1:start + q + qd) = h**2
+            end associate
+        end do
+    end subroutine set_weights
+
     !> Perform one correction of all stages.
-    subroutine correct(self, chart, is_first, h, t_end, change, stat)
+    subroutine correct(self, chart, is_first, is_slow, h, t_end, move, change, stat)
         class(radau_type), intent(inout) :: self
         class(implicit_chart_type), intent(inout) :: chart
         !> True for the first iterates, which are predicted rates and coordinates.
         logical, intent(in) :: is_first
+        !> True to accelerate the correction.
+        logical, intent(in) :: is_slow
         !> Step size and end of the step.
         real(wp), intent(in) :: h, t_end
-        !> Largest correction of a stage.
-        real(wp), intent(out) :: change
+        !> Largest correction of a stage, with and without its acceleration.
+        real(wp), intent(out) :: move, change
         integer, intent(out) :: stat
-        real(wp) :: stage_change, t
+        real(wp) :: shortening, stage_change, t
         integer :: height, i, j, m, n
 
         n = size(self%increment, 1)
         m = chart%n_residual
         height = size(self%residual, 1)
+        move = 0.0_wp
         change = 0.0_wp
         associate (s => self%tableau%stages, tableau => self%tableau)
             do i = 1, s
@@ -324,11 +373,21 @@ contains
             end do
             do i = 1, s
                 call combine(m, height, s, tableau%t(:, i), self%transformed, self%residual(:, i))
+            end do
+            shortening = 1.0_wp
+            if (is_slow) then
+                call self%secants%improve(height*s, .true., self%residual)
+                shortening = self%secants%shortening(height*s)
+            else
+                call self%secants%begin(height*s, self%residual)
+            end if
+            do i = 1, s
                 call chart%update(i, self%q(:, i), self%qd(:, i), tableau%diagonal*h, self%residual(:m, i), &
                     self%rate(:, :, i), stage_change, stat)
                 if (stat /= status_ok) return
-                change = max(change, stage_change)
+                move = max(move, stage_change)
             end do
+            change = shortening*move
         end associate
     end subroutine correct
 

@@ -87,6 +87,7 @@ contains
             if (implicit) then
                 call self%stage%allocate(n, nh, m)
                 self%n_residual = 2*n - nh - m
+                self%n_rates = [n - nh, n - m]
                 call self%metric%allocate(n, nh, m, options%relative_tolerance(), self%rate)
                 call self%derivatives%allocate(n, m)
                 self%stage_segment = 0

@@ -56,6 +56,7 @@ contains
 
         call attach_implicit(self, model, options, implicit, damps, error, kept)
         self%n_residual = 2*model%n + model%n_constraints()
+        self%n_rates = model%n
         if (implicit) self%stage_qd = spread(0.0_wp, 1, model%n)
         if (allocated(self%t_of)) deallocate (self%t_of)
     end subroutine do_attach
@@ -206,7 +207,7 @@ contains
         !> Number of corrections.
         integer, intent(out) :: passes
         integer, parameter :: most = 4
-        real(wp), parameter :: enough = 0.02_wp
+        real(wp), parameter :: enough = 0.1_wp
         real(wp) :: size, first_size
 
         first_size = 0.0_wp

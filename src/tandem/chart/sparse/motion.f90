@@ -8,11 +8,11 @@ module tandem_chart_sparse_motion
     use tandem_chart_sparse_partners, only: choose_independent, find_partners_of => find_partners
     use tandem_chart_sparse_progress, only: is_rounding, is_trusted, largest, learn, progress_type, unknown
     use tandem_chart_sparse_rank, only: rank_type
-    use tandem_chart_sparse_secants, only: secants_type
     use tandem_chart_sparse_system, only: system_type
     use tandem_error, only: error_type, set_error
     use tandem_kinds, only: wp
     use tandem_linalg_kernels, only: is_finite
+    use tandem_linalg_secants, only: secants_type
     use tandem_model, only: model_type
     use tandem_model_terms, only: need_gamma, need_jacobian, need_mass, need_phi
     use tandem_model_timer, only: of_position, of_velocity

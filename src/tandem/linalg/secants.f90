@@ -1,10 +1,13 @@
 ! SPDX-License-Identifier: MIT
-!> Acceleration of slow corrections by earlier ones. A correction s of x is S g, S the factor of the step's start and g the residual
-!> of the rows. From moves of x and the resulting reductions of s, the combination that leaves least of s is applied at once, and
-!> the rest is the correction. If g is linear in x these are the iterates of GMRES, so that a few bodies that have turned far cost a
-!> few corrections, however small the effect of each one (D. G. Anderson, J. ACM 12 (1965) 547; H. F. Walker, P. Ni, SIAM J. Numer.
-!> Anal. 49 (2011) 1715). In the mass metric S C0 is an orthogonal projection, and S C is rotated like the bodies.
-module tandem_chart_sparse_secants
+!> Acceleration of slow corrections by earlier ones. A correction s of x is S g, S an approximate inverse and g the residual. From
+!> moves of x and the resulting reductions of s, the combination that leaves least of s is applied at once, and the rest is the
+!> correction. If g is linear in x these are the iterates of GMRES, so that a few directions in which S is wrong cost a few
+!> corrections, however small the effect of each one (D. G. Anderson, J. ACM 12 (1965) 547; H. F. Walker, P. Ni, SIAM J. Numer.
+!> Anal. 49 (2011) 1715).
+!>
+!> For positions and velocities on the sparse chart, S is the factor of the step's start, and bodies have turned since: in the mass
+!> metric S C0 is an orthogonal projection, and S C is rotated like the bodies. For coupled stages, S is the factored Newton matrix.
+module tandem_linalg_secants
     use tandem_kinds, only: wp
     implicit none (type, external)
     private
@@ -13,6 +16,8 @@ module tandem_chart_sparse_secants
 
     !> Number of stored moves: a few bodies that turn, with a few directions each.
     integer, parameter :: most = 6
+    !> Number of partial sums of an inner product.
+    integer, parameter :: lanes = 8
 
     type :: secants_type
         private
@@ -22,15 +27,14 @@ module tandem_chart_sparse_secants
         real(wp), allocatable :: dx(:, :), ds(:, :)
         !> The last move, and the correction before it (n).
         real(wp), allocatable :: move(:), before(:)
-        !> The diagonal of M (n).
+        !> Weights of the inner product (n), 0 for unknowns that follow others.
         real(wp), allocatable, public :: weight(:)
         !> Remaining part of the correction after the first move.
         real(wp), public :: left = 0.0_wp
         !> True if the space is allocated.
         logical, public :: is_used = .false.
     contains
-        procedure :: allocate => allocate_secants, mend
-        procedure, private :: begin, improve
+        procedure :: allocate => allocate_secants, mend, begin, improve, shortening
     end type secants_type
 
 contains
@@ -70,7 +74,7 @@ contains
         end if
     end subroutine mend
 
-    !> Store the first correction, which belongs to new rows.
+    !> Store a first correction, and discard all moves.
     pure subroutine begin(self, n, s)
         class(secants_type), intent(inout) :: self
         integer, intent(in) :: n
@@ -79,8 +83,8 @@ contains
         self%n_kept = 0
         self%next = 1
         self%left = 0.0_wp
-        self%move(:) = s
-        self%before(:) = s
+        self%move(:n) = s
+        self%before(:n) = s
     end subroutine begin
 
     !> Store the last move, and replace the correction by the move that leaves least, before the next one corrects it.
@@ -108,6 +112,16 @@ contains
             s(i) = self%move(i)
         end do
     end subroutine improve
+
+    !> Length of the last correction over that of its move, at most 1: a move that continues earlier ones may be much longer than
+    !> the remaining error.
+    pure real(wp) function shortening(self, n)
+        class(secants_type), intent(in) :: self
+        integer, intent(in) :: n
+
+        shortening = min(1.0_wp, sqrt(product_of(n, self%weight, self%before, self%before)/ &
+            max(product_of(n, self%weight, self%move, self%move), tiny(1.0_wp))))
+    end function shortening
 
     !> Store the last move, unless it nearly depends on others.
     pure subroutine learn_move(self, n, s)
@@ -137,8 +151,8 @@ contains
             part = product_of(n, self%weight, ds, ds)
             if (part > new**2*length .and. part > tiny(1.0_wp)) then
                 part = 1.0_wp/sqrt(part)
-                ds(:) = part*ds
-                dx(:) = part*dx
+                ds(:n) = part*ds(:n)
+                dx(:n) = part*dx(:n)
                 self%n_kept = max(self%n_kept, self%next)
                 self%next = modulo(self%next, most) + 1
             else if (self%n_kept == most) then
@@ -149,16 +163,23 @@ contains
         end associate
     end subroutine learn_move
 
-    !> a' W b.
+    !> a' W b. Several partial sums allow pipelining.
     pure real(wp) function product_of(n, weight, a, b)
         integer, intent(in) :: n
         real(wp), intent(in) :: weight(n), a(n), b(n)
-        integer :: i
+        real(wp) :: sums(lanes)
+        integer :: i, l
 
-        product_of = 0.0_wp
-        do i = 1, n
-            product_of = product_of + weight(i)*a(i)*b(i)
+        sums = 0.0_wp
+        do i = 0, n - lanes, lanes
+            do l = 1, lanes
+                sums(l) = sums(l) + weight(i + l)*a(i + l)*b(i + l)
+            end do
         end do
+        do i = n - modulo(n, lanes) + 1, n
+            sums(1) = sums(1) + weight(i)*a(i)*b(i)
+        end do
+        product_of = sum(sums)
     end function product_of
 
     !> y := y + a x.
@@ -172,4 +193,4 @@ contains
             y(i) = y(i) + a*x(i)
         end do
     end subroutine add
-end module tandem_chart_sparse_secants
+end module tandem_linalg_secants
