@@ -12,8 +12,10 @@ submodule(tandem_simulation) tandem_simulate_crossing
     !> Smallest part of the best independence at states that determine the motion behind the configuration.
     real(wp), parameter :: least_part = 1.0e-3_wp
     !> Largest error of a crossing: part of the tolerance; if no later step can reduce it, multiple of the tolerance, or
-    !> relative; and in any case relative.
-    real(wp), parameter :: small_part = 0.05_wp, last_part = 3.0_wp, sure_error = 1.0e-8_wp, largest_error = 1.0e-4_wp
+    !> relative; in any case relative, of the result and in all directions. An isolated configuration leaves less at any tolerance;
+    !> one near which the motion turns off, or which is met too slowly, does not.
+    real(wp), parameter :: small_part = 0.05_wp, last_part = 3.0_wp, sure_error = 1.0e-8_wp, doubtful_error = 3.0e-6_wp, &
+        largest_error = 1.0e-4_wp
     !> Error of a position whose branches can be told apart, relative to its distance from the configuration.
     real(wp), parameter :: clear_part = 1.0e-2_wp
 
@@ -53,7 +55,7 @@ contains
             ! The last state may be too near to have reliable accelerations.
             call locate(self, 1, reach, is_loss)
             if (.not. is_loss .and. self%lost_rank%is_close(self%chart)) call locate(self, 2, reach, is_loss)
-            if (is_loss) then
+            if (is_loss .and. crossing%passes) then
                 call refine(self)
                 call choose_base(self, stop_at, base, is_collocated, is_nearest)
                 if (base > 0) then
@@ -278,12 +280,13 @@ contains
         if (base > 0 .and. .not. is_last) call self%crossing%take_best()
     end subroutine choose_base
 
-    !> Relative error of a crossing that need not be reduced: a part of the tolerance, or an error close to rounding.
+    !> Relative error of a crossing that need not be reduced: a part of the tolerance, or an error close to rounding. Large
+    !> tolerances do not count, since a motion that turns off shows only if the error is less than the distance of the branches.
     pure real(wp) function sufficient_error(self)
         class(simulation_type), intent(in) :: self
-        real(wp), parameter :: rounding = 5.0e-13_wp
+        real(wp), parameter :: rounding = 5.0e-13_wp, largest = 1.0e-9_wp
 
-        sufficient_error = max(small_part*self%options%relative_tolerance(), rounding)
+        sufficient_error = max(min(small_part*self%options%relative_tolerance(), largest), rounding)
     end function sufficient_error
 
     !> Compare the error with those of earlier tries. Close to the configuration, nearer states that have not reduced it will not
@@ -351,6 +354,7 @@ contains
             if (self%model%hides(self%state%t, state%t, .true.)) return
             crossing%obstacle = 'the motion behind it is uncertain by '//to_text(record%error)
             if (is_last_chance .and. record%error <= sure_error) norm = 0.0_wp
+            if (self%options%is_adaptive() .and. record%error > doubtful_error) return
             if (.not. (norm <= 1.0_wp .and. crossing%spread <= largest_error)) return
             call crossing%curve%evaluate(record%t, crossing%predicted%q, crossing%predicted%qd, crossing%predicted%qdd)
             crossing%predicted%q(:) = state%q - crossing%predicted%q

@@ -34,8 +34,8 @@ module tandem_simulate_crossing_data
 
     !> Data of a run for crossings.
     type :: crossing_type
-        !> True if singular configurations are to be passed.
-        logical :: is_on = .false.
+        !> True if singular configurations are located; true if they are passed, otherwise runs end there.
+        logical :: is_on = .false., passes = .false.
         type(recent_states_type) :: recent
         !> The motion through the last configuration, or through the one ahead.
         type(state_polynomial_type) :: curve
@@ -73,13 +73,14 @@ module tandem_simulate_crossing_data
 contains
 
     !> Begin a run.
-    subroutine initialize(self, is_on, n)
+    subroutine initialize(self, is_on, passes, n)
         class(crossing_type), intent(out) :: self
-        logical, intent(in) :: is_on
+        logical, intent(in) :: is_on, passes
         !> Number of coordinates.
         integer, intent(in) :: n
 
         self%is_on = is_on
+        self%passes = is_on .and. passes
         if (is_on) call self%recent%initialize(n)
     end subroutine initialize
 

@@ -60,7 +60,7 @@ contains
         if (allocated(error)) return
         call allocate_work(self, model%scales(), model%time_scale)
         call self%next%allocate(model%n)
-        call self%crossing%initialize(options%singular == singular_modes(1) .and. model%n_constraints() > 0, model%n)
+        call self%crossing%initialize(model%n_constraints() > 0, options%singular == singular_modes(1), model%n)
         call self%accept_start(error)
         self%is_ready = .not. allocated(error)
         call self%crossing%note(self%state)

@@ -34,7 +34,7 @@ contains
         is_sparse = self%is_sparse
         call accept_state(self, error)
         if (.not. allocated(error)) return
-        if (error%stat /= status_rank_deficient .or. .not. self%crossing%is_on) return
+        if (error%stat /= status_rank_deficient .or. .not. self%crossing%passes) return
         call start_on_branch(self, q, qd, is_sparse, error)
         if (allocated(error)) error%message = error%message//'; a start here requires a velocity along one branch, but '// &
             trim(self%crossing%obstacle)
