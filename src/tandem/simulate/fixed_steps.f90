@@ -68,11 +68,10 @@ contains
         call find_stop(self, t_limit, stop_at, is_breakpoint)
         if (self%lost_rank%limits(0.75_wp*h, room)) call self%consider_crossing(2*max(room, h), stop_at, is_loss, is_crossed)
         if (is_crossed) return
-        if (.not. self%crossing%passes .and. is_loss .and. self%crossing%record%t <= self%state%t + h) then
-            stat = status_rank_deficient
-            return
-        end if
         call self%lost_rank%look_within(self%chart, self%state, h, stat)
+        ! The line shows no loss of two ranks at once.
+        if (stat == status_ok .and. is_loss .and. .not. self%crossing%passes .and. self%crossing%record%t <= self%state%t + h) &
+            stat = status_rank_deficient
         if (stat == status_ok) then
             call self%stepper%advance(self%chart, self%state, h, self%next, stat)
             if (stat == status_ok) then
