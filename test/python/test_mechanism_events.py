@@ -9,6 +9,7 @@ import unittest
 import h5py
 import numpy as np
 from test_mechanisms import Mechanism
+from test_output import ROOT
 from test_results import PLANE, SPACE, TIGHT, energies
 
 G = 9.81
@@ -78,6 +79,27 @@ class Watching(Mechanism):
                                f'force.drive.law="20*(1 - rate/{rate})"') as file:
                     angle = np.pi/2 + file["sensors/crank/angle"][-1]
                     self.assertEqual(len(file["events/singular/time"]), abs(np.floor(angle/np.pi)))
+
+    def test_a_near_miss_is_not_a_singular_position(self):
+        """The rod of a slider-crank is longer by 1e-8 than the crank: the slider turns back where it would pass through the pivot. At
+        these tolerances the difference is far below the errors of the steps."""
+        scene = (ROOT / "scenes" / "centric_slider_crank.toml").read_text()
+        longer = scene.replace('tip = ["r/2*cos(a)", "-r/2*sin(a)"]', 'tip = ["(1+2e-8)*r/2*cos(a)", "-(1+2e-8)*r/2*sin(a)"]')
+        self.assertNotEqual(longer, scene)
+        for stepper, kind, rtol in itertools.product(("dop853", "radau5"), ("dense", "sparse"), (1e-4, 1e-5)):
+            with self.subTest(stepper=stepper, kind=kind, rtol=rtol):
+                with self.went(self.scene(longer), f"solver.stepper={stepper}", f"solver.chart_kind={kind}", f"solver.rtol={rtol}",
+                               "time.end=0.5") as file:
+                    self.assertNotIn("singular", file.get("events", ()))
+
+    def test_a_run_may_stop_where_two_loops_are_flat(self):
+        """Two ranks are lost at once, which the orientation of C does not show."""
+        for kind in ("dense", "sparse"):
+            with self.subTest(kind):
+                done = self.tandem("run", "a02_four_bars", "--set", "solver.singular=stop", "--set", f"solver.chart_kind={kind}", "--set",
+                                   "solver.stepper=dop853", "--set", "solver.rtol=1e-6", "--quiet", "--no-error", "--force", code=1)
+                self.assertIn("rank_deficient", done.stderr)
+                self.assertIn("t = 0.7143", done.stderr)
 
     def test_a_limit_of_a_joint(self):
         """A joint's angle after more than a turn."""
