@@ -26,7 +26,7 @@ submodule(tandem_simulation) tandem_simulate_crossing
             class(simulation_type), intent(inout) :: self
             !> Index of a recent state.
             integer, intent(in) :: base
-            !> Least time between states that are extrapolated, relative to half the time from the base to the end; 0 for collocation.
+            !> Least time between states that are extrapolated, relative to half the time from the base to the end; 0 to collocate.
             real(wp), intent(in) :: gap, stop_at
             !> Relative error, huge if there is no result.
             real(wp), intent(out) :: error

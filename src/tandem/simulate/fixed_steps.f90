@@ -70,8 +70,9 @@ contains
         if (is_crossed) return
         call self%lost_rank%look_within(self%chart, self%state, h, stat)
         ! The line shows no loss of two ranks at once.
-        if (stat == status_ok .and. is_loss .and. .not. self%crossing%passes .and. self%crossing%record%t <= self%state%t + h) &
-            stat = status_rank_deficient
+        if (stat == status_ok .and. is_loss .and. .not. self%crossing%passes) then
+            if (self%crossing%record%t <= self%state%t + h) stat = status_rank_deficient
+        end if
         if (stat == status_ok) then
             call self%stepper%advance(self%chart, self%state, h, self%next, stat)
             if (stat == status_ok) then

@@ -40,8 +40,8 @@ contains
             end do
         end if
         ! All are available and cheap: the measure that falls towards a loss of rank, the orientation of the pivot columns, and the
-        ! change of C. The orientation changes with that of C, and if the pivot columns alone become singular: in a step with both it
-        ! is unchanged. A change of C that is smaller than the singular values at both ends together cannot pass a loss.
+        ! change of C. The orientation changes with that of C, and if the pivot columns alone become singular: in a step with both
+        ! it is unchanged. A change of C that is smaller than the singular values at both ends together cannot pass a loss.
         fall = self%start%independence - self%velocity_basis%independence
         falls = .not. self%velocity_basis%independence > horizon*fall
         if (falls .or. self%velocity_basis%orientation /= self%start%orientation .or. &
