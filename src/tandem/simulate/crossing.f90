@@ -11,9 +11,9 @@ submodule(tandem_simulation) tandem_simulate_crossing
 
     !> Smallest part of the best independence at states that determine the motion behind the configuration.
     real(wp), parameter :: least_part = 1.0e-3_wp
-    !> Largest error of a crossing: part of the tolerance; if no later step can reduce it, multiple of the tolerance, or
-    !> relative; in any case relative, of the result and in all directions. An isolated configuration leaves less at any tolerance;
-    !> one near which the motion turns off, or which is met too slowly, does not.
+    !> Largest error of a crossing, relative to the tolerance: as long as later steps can reduce it, and otherwise. Relative error
+    !> that is then accepted at any tolerance; one that is not accepted, since isolated configurations leave less, and motions that
+    !> turn off more; the largest one in all directions.
     real(wp), parameter :: small_part = 0.05_wp, last_part = 3.0_wp, sure_error = 1.0e-8_wp, doubtful_error = 3.0e-6_wp, &
         largest_error = 1.0e-4_wp
     !> Error of a position whose branches can be told apart, relative to its distance from the configuration.

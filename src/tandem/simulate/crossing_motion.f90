@@ -125,7 +125,7 @@ contains
                 call self%chart%project(state%t, state%q, state%qd, .true., stat, exactly=.true.)
                 if (stat == status_ok) call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)
                 if (stat /= status_ok) then
-                    crossing%obstacle = 'the constraints permit no motion behind it'
+                    crossing%obstacle = 'no state behind it was found that satisfies the constraints'
                     return
                 end if
             end do

@@ -201,9 +201,12 @@ contains
         type(before_type), intent(in) :: before
         !> The miss; unallocated if nothing is missed any more.
         type(error_type), allocatable, intent(inout) :: error
+        !> Largest error of this kind, in tolerances: a larger one is not due to rounding.
+        real(wp), parameter :: largest = 100.0_wp
         integer :: stat
 
         if (error%stat /= status_constraints_not_held .or. self%crossing%is_last_step) return
+        if (.not. maxval(self%errors) <= largest*self%options%constraint_tolerance) return
         associate (state => self%state)
             call self%chart%project(state%t, state%q, state%qd, .true., stat, exactly=.true.)
             if (stat == status_ok) call self%chart%accelerate(state%t, state%q, state%qd, step_end, state%qdd, stat)

@@ -88,20 +88,23 @@ contains
 
     !> True if C has lost rank between the point of the last combination and the last factorisation of the system, whose combination
     !> replaces it. False if they are too different to decide.
-    logical function has_passed_loss(self, system)
+    logical function has_passed_loss(self, system, is_decided)
         class(rank_type), intent(inout) :: self
         type(system_type), intent(inout) :: system
+        logical, intent(out), optional :: is_decided
         !> Combinations that have less in common are unrelated.
         real(wp), parameter :: least_common = 0.3_wp
         real(wp) :: common, along
 
         has_passed_loss = .false.
+        if (present(is_decided)) is_decided = .false.
         call find_combination(self, system, system%here)
         if (self%has_combination) then
             common = dot_product(self%y, self%next_y)
             call system%factor(system%here)%move(system%analysis, self%next_force, system%x)
             along = dot_product(self%force, system%x)
             has_passed_loss = abs(common) > least_common .and. common*along < 0.0_wp
+            if (present(is_decided)) is_decided = abs(common) > least_common
         end if
         if (.not. has_passed_loss) call keep_combination(self)
     end function has_passed_loss

@@ -174,10 +174,10 @@ contains
         real(wp), parameter :: horizon = 8.0_wp
         !> The remainder of a row that depends on others is smaller, due to rounding.
         real(wp), parameter :: largest_rest = least_pivot
-        !> Part of the independence at both ends below which that of a stage is a dip, or a step may pass a loss.
-        real(wp), parameter :: of_dip = 0.5_wp, of_stage = 0.95_wp
+        !> Part of the independence at both ends below which that of a stage is a dip.
+        real(wp), parameter :: of_dip = 0.5_wp
         real(wp) :: fall, now
-        logical :: falls, may_hide
+        logical :: falls
 
         self%failure%row = 0
         self%failure%coordinate = 0
@@ -197,11 +197,7 @@ contains
             end if
             now = sqrt(s%factor(s%here)%least)
             measure%dips = sqrt(s%lowest) < of_dip*min(self%independence, now)
-            ! Fixed explicit steps are short, and do not store C of the start.
-            may_hide = .not. (s%shares_terms .or. rank%has_combination)
-            if (may_hide) may_hide = sqrt(s%lowest) < of_stage*min(self%independence, now) .or. &
-                largest_change(self) > self%independence + now
-            if (may_hide) then
+            if (may_pass_loss(self, now)) then
                 stat = loss_ahead(self, t_from, q_from, t, q)
                 if (stat == status_ok) call s%visit(t, q, self%counts, stat)
                 if (stat == status_ok) call s%factorize(self%counts, stat)
@@ -236,6 +232,34 @@ contains
             measure%fallen = now/max(self%best_independence, tiny(1.0_wp))
         end associate
     end subroutine measure_rank
+
+    !> True if the step to the last point may have passed a loss of rank although the independence is not small at its ends.
+    logical function may_pass_loss(self, now)
+        class(sparse_chart_type), intent(inout) :: self
+        !> The independence at the last point.
+        real(wp), intent(in) :: now
+        !> Part of the independence at both ends together that a step over a loss leaves at most at its end or at one of its
+        !> stages: half the distance of stages, relative to the step, and some more.
+        real(wp), parameter :: of_sum = 0.33_wp
+        logical :: is_decided
+
+        associate (s => self%system, rank => self%rank)
+            ! Fixed explicit steps are short, and do not store C of the start.
+            may_pass_loss = .not. (s%shares_terms .or. rank%has_combination)
+            if (.not. may_pass_loss) return
+            if (.not. allocated(self%bend)) then
+                may_pass_loss = min(sqrt(s%lowest), now) < of_sum*(self%independence + now)
+                return
+            end if
+            ! C is not factored at implicit stages: it must have changed enough, and be related to C at the start in no clear way.
+            may_pass_loss = largest_change(self) > self%independence + now
+            if (.not. may_pass_loss) return
+            call rank%begin(s)
+            may_pass_loss = rank%has_passed_loss(s, is_decided)
+            may_pass_loss = may_pass_loss .or. .not. is_decided
+            rank%has_combination = .false.
+        end associate
+    end function may_pass_loss
 
     !> The root of the smallest pivot at (t, q), relative to its diagonal entry.
     subroutine measure_independence(self, t, q, independence, stat)
