@@ -67,20 +67,20 @@ contains
             status_rank_deficient, status_step_underflow)
             call self%compare_procedures()
             ! The last step may have been too short for the comparison.
-            if (self%tally%contradiction == '') call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, &
+            if (.not. self%tally%contradicts()) call find_contradiction(self%model, self%state%t, self%state%q, self%state%qd, &
                 ahead, self%chart%counts, self%tally%contradiction)
         case (status_step_limit, status_work_limit)
             ! Limits set by the user must not hide a contradiction found before.
         case default
             return
         end select
-        if (self%tally%contradiction /= '') error%message = status_name(error%stat)//': '//trim(self%tally%contradiction)//'; '// &
+        if (self%tally%contradicts()) error%message = status_name(error%stat)//': '//trim(self%tally%contradiction)//'; '// &
             error%message(len(status_name(error%stat)) + 3:)
     end procedure explain
 
     !> Search for contradictory procedures of the model within the last step, until one is found.
     module procedure compare_procedures
-        if (self%tally%contradiction /= '' .or. .not. self%last_step > 0.0_wp) return
+        if (self%tally%contradicts() .or. .not. self%last_step > 0.0_wp) return
         ! After a step to a breakpoint or an event, the model may be in another segment.
         if (self%model%segment /= self%between%output%segment) return
         if (self%n_events > 0) then

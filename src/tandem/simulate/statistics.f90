@@ -76,10 +76,17 @@ module tandem_simulate_statistics
         integer(long), private :: clock_from = 0
         real(wp), private :: cpu_from = 0.0_wp
     contains
-        procedure :: start_clock, book_time, stop_clock, pack_state
+        procedure :: contradicts, start_clock, book_time, stop_clock, pack_state
     end type statistics_type
 
 contains
+
+    !> True if procedures of the model contradict each other. Steps ask, and do not search the whole text for it.
+    pure logical function contradicts(self)
+        class(statistics_type), intent(in) :: self
+
+        contradicts = self%contradiction(1:1) /= ' '
+    end function contradicts
 
     !> Start measuring time.
     subroutine start_clock(self)

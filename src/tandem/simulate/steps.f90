@@ -74,7 +74,7 @@ contains
             if (self%between%next_look < huge(1.0_wp) .or. self%watch%n > 0) call self%between%control%begin_step()
         end if
         ! For a model that contradicts itself every stage is projected onto the manifold.
-        if (self%tally%contradiction /= '') self%stepper%projects_stages = .true.
+        if (self%tally%contradicts()) self%stepper%projects_stages = .true.
         call self%make_room()
         do
             call step_within_tolerance(self, t_limit, before, ends_at_breakpoint, error)
@@ -463,7 +463,7 @@ contains
         call self%stepper%estimate(self%chart, h, self%control%weight_q, self%control%weight_qd, estimate)
         norm = estimate
         if (self%method%varies) call self%control%set_order(self%stepper%order_of_estimate())
-        if (self%tally%contradiction == '') call self%local_error%add_imposed(self%state, self%next, self%control%weight_q, &
+        if (.not. self%tally%contradicts()) call self%local_error%add_imposed(self%state, self%next, self%control%weight_q, &
             self%control%weight_qd, relative_order(self), norm)
         if (.not. norm <= 1.0_wp) then
             outcome = misses_tolerance
