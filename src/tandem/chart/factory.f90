@@ -8,7 +8,7 @@ module tandem_chart_factory
     implicit none (type, external)
     private
 
-    public :: choose_chart, cost_type, is_sparse_chart, new_chart, suits_redundancy
+    public :: choose_chart, cost_type, is_sparse_chart, new_chart
 
     ! Only the submodule uses the modules of the charts, so that a change in one of them recompiles few files.
     interface
@@ -24,18 +24,6 @@ module tandem_chart_factory
             !> Zero if it was not needed.
             type(cost_type), intent(out) :: cost
         end subroutine choose_chart
-
-        !> True if a model with redundant rows is to change from the dense chart that was chosen for it to a sparse one, whose start
-        !> needs no singular values, if steps cost little more there.
-        module logical function suits_redundancy(model, options, implicit, cost)
-            implicit none (type, external)
-            class(model_type), intent(in) :: model
-            !> As for `choose_chart`.
-            type(options_type), intent(in) :: options
-            logical, intent(in) :: implicit
-            !> As `choose_chart` left it; estimated if it was not needed.
-            type(cost_type), intent(inout) :: cost
-        end function suits_redundancy
 
         !> True for a sparse chart.
         pure module logical function is_sparse_chart(chart)

@@ -39,7 +39,7 @@ module tandem_simulation
     use tandem_chart_implicit, only: filter_error
     use tandem_model_kinetic_energy, only: kinetic_energy_type
     use tandem_model_counts, only: counts_type
-    use tandem_chart_factory, only: choose_chart, cost_type, is_sparse_chart, new_chart, suits_redundancy
+    use tandem_chart_factory, only: choose_chart, cost_type, is_sparse_chart, new_chart
     use tandem_model_derivatives, only: need_all_derivatives
     use, intrinsic :: ieee_arithmetic, only: ieee_is_finite
     implicit none (type, external)

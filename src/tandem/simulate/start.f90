@@ -50,10 +50,6 @@ contains
         self%next%dq(:) = self%state%q
         self%next%dqd(:) = self%state%qd
         call begin_chart(self, stat)
-        if (stat == status_rank_deficient .and. .not. (self%is_sparse .or. allocated(self%own%chart))) then
-            call enter_sparse(self, stat, error)
-            if (allocated(error)) return
-        end if
         if (self%is_sparse .and. stat == status_rank_deficient) then
             call omit_redundant_rows(self, stat, error)
             if (allocated(error)) return
@@ -104,20 +100,6 @@ contains
         call self%measure_errors(error)
         if (.not. allocated(error)) call warn_of_integrable_rows(self)
     end subroutine accept_state
-
-    !> Change to a sparse chart if redundant rows make the dense chart more expensive.
-    subroutine enter_sparse(self, stat, error)
-        class(simulation_type), intent(inout) :: self
-        !> Status of the chart at the start.
-        integer, intent(inout) :: stat
-        type(error_type), allocatable, intent(out) :: error
-
-        if (.not. suits_redundancy(self%model, self%options, self%method%implicit, self%cost)) return
-        self%is_sparse = .true.
-        call self%allocate_chart()
-        call self%chart%attach(self%model, self%options, self%method%implicit, self%method%damps, error)
-        if (.not. allocated(error)) call begin_chart(self, stat)
-    end subroutine enter_sparse
 
     !> Let a sparse chart omit redundant rows, and report them.
     subroutine omit_redundant_rows(self, stat, error)
