@@ -234,8 +234,8 @@ contains
     end subroutine test_long_steps
 
     !> Errors of a pendulum are nearly zero at some times, those of its position at the ends of its swings, but at other times in
-    !> the second run. Estimates must cover the errors at a hundred times, except for the accuracy of Richardson's extrapolation, 2 %;
-    !> without the error of the second run shortly before, errors of dopri5 are up to 1.27 times the estimate.
+    !> the second run. Estimates must cover the errors at a hundred times, except for the accuracy of Richardson's extrapolation,
+    !> 2 %; without the error of the second run shortly before, errors of dopri5 are up to 1.27 times the estimate.
     subroutine test_second(error)
         type(error_type), allocatable, intent(out) :: error
         character(len=*), parameter :: steppers(3) = [character(len=9) :: 'dopri5', 'dop853', 'trapezoid']
