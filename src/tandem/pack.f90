@@ -14,7 +14,7 @@ module tandem_pack
 
     !> Signature at the start, version of all contents, and places of kind, version, length and checksum in the header.
     character(len=8), parameter :: signature = 'tandem!P'
-    integer(long), parameter :: version = 33
+    integer(long), parameter :: version = 34
     integer, parameter :: head = 5
 
     !> Target of written items, or source of read ones.

@@ -2,9 +2,9 @@
 !> Error of a whole run, including the amplification of local errors by the motion, estimated from a second, more accurate run.
 !>
 !> Observe the run with this observer, then call `estimate` with a second instance of the model. The second run has half the step
-!> size, or a tenth of the tolerances. The error of the first run is the difference between both runs divided by one minus the ratio
-!> of their errors (Richardson extrapolation). Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, section
-!> II.4.
+!> size, or a tenth of the tolerances. The error of the first run is the difference between both runs, plus the error of the second
+!> run, which follows from the ratio of their errors (Richardson extrapolation). Source: Hairer, Norsett, Wanner, Solving Ordinary
+!> Differential Equations I, section II.4.
 module tandem_simulate_global_error
     use tandem_chart, only: chart_type
     use tandem_error, only: error_type, set_error, to_text
@@ -57,6 +57,11 @@ module tandem_simulate_global_error
         !> Longest step of the first run since the previous time of comparison (n_times); end of its last step.
         real(wp), allocatable, private :: longest(:)
         real(wp), private :: t_last = 0.0_wp
+        !> Number of steps since the previous time of comparison, and the sum of their sizes to the power p + 1, to which errors of
+        !> steps are proportional (n_times, the first and the second run). Steps over singular configurations are left out.
+        real(wp), allocatable, private :: steps(:, :), powers(:, :)
+        !> Number of singular configurations that the run has passed.
+        integer, private :: n_crossings = 0
         integer, private :: n_seen = 0, n_taken = 0
         !> True if events have changed or stopped the first run, because the second run has no events.
         logical, private :: is_changed = .false., is_stopped = .false.
@@ -70,7 +75,7 @@ module tandem_simulate_global_error
         logical, private :: is_second = .false.
     contains
         procedure :: initialize, observe, estimate, pack_state
-        procedure, private :: choose_second, take, evaluate
+        procedure, private :: choose_second, count_step, take, evaluate
     end type global_error_type
 
 contains
@@ -97,6 +102,9 @@ contains
         self%due = t_start
         self%longest = spread(0.0_wp, 1, n_times)
         self%t_last = t_start
+        if (allocated(self%steps)) deallocate (self%steps, self%powers)
+        allocate (self%steps(n_times, 2), self%powers(n_times, 2), source=0.0_wp)
+        self%n_crossings = 0
         self%t = spread(t_end, 1, n_times)
         if (allocated(self%state)) deallocate (self%state, self%difference)
         allocate (self%state(n, 2, n_times), self%difference(n, 2, n_times), source=0.0_wp)
@@ -126,7 +134,7 @@ contains
             end if
             k = min(self%n_seen + 1, n_times)
             self%longest(k) = max(self%longest(k), t_step - self%t_last)
-            self%t_last = t_step
+            call self%count_step(simulation, k, 1)
             ! If a restored run continues at its very end, the observer is not called during its last step.
             is_missing = occasion == at_end .and. t_step >= self%t_end .and. self%t(max(1, self%n_seen)) < t_step
             if (.not. is_missing .and. (occasion /= at_step .or. .not. (t_step >= self%due .or. t_step >= self%t_end))) return
@@ -141,6 +149,7 @@ contains
             call self%take(simulation%state%q, simulation%state%qd)
             return
         end if
+        call self%count_step(simulation, min(self%n_taken + 1, n_times), 2)
         do while (self%n_taken < self%n_seen)
             if (self%t(self%n_taken + 1) > t_step) exit
             call simulation%look_at(self%t(self%n_taken + 1), failure)
@@ -150,6 +159,23 @@ contains
             call simulation%look_back()
         end do
     end subroutine observe
+
+    !> Count a step of the first or the second run.
+    subroutine count_step(self, simulation, k, which)
+        class(global_error_type), intent(inout) :: self
+        class(simulation_type), intent(in) :: simulation
+        !> Index of the next time of comparison; 1 or 2.
+        integer, intent(in) :: k, which
+
+        associate (t => simulation%state%t, h => (simulation%state%t - self%t_last)/(self%t_end - self%t_start))
+            if (h > 0.0_wp .and. simulation%n_crossings == self%n_crossings) then
+                self%steps(k, which) = self%steps(k, which) + 1.0_wp
+                self%powers(k, which) = self%powers(k, which) + h**(simulation%method%order + 1)
+            end if
+            self%t_last = t
+        end associate
+        self%n_crossings = simulation%n_crossings
+    end subroutine count_step
 
     !> Store a state of the first run, or a difference of the second run.
     subroutine take(self, q, qd)
@@ -223,7 +249,11 @@ contains
             control=control)
         if (allocated(error)) return
         self%is_second = .true.
+        self%steps(:, 2) = 0.0_wp
+        self%powers(:, 2) = 0.0_wp
         self%n_taken = 0
+        self%t_last = self%t_start
+        self%n_crossings = 0
         if (first%is_adaptive()) then
             ! Steps of the second run end at the times of comparison, because dense output in long steps may be less accurate than
             ! either run. They are also limited to less than the steps of the first run, even if tolerances do not determine them,
@@ -246,10 +276,44 @@ contains
                 'than max_seconds = '//to_text(options%max_seconds), 'raise max_seconds')
             return
         end if
-        if (.not. self%is_bound) self%difference = self%difference/(1.0_wp - ratio)
+        if (.not. self%is_bound) call add_second(self, ratio)
         if (simulation%n_crossings > 0) call add_crossings(self, simulation, model)
         call self%evaluate(model)
     end subroutine estimate
+
+    !> Add the error of the second run to each difference. It is a fraction of that of the first run. The tolerances give the
+    !> expected fraction, the actual steps a larger one if they have not become smaller as expected. Errors of oscillating motions
+    !> change their sign, at different times in both runs: the fraction is one of the difference, or of its root mean square shortly
+    !> before if that is larger.
+    subroutine add_second(self, expected)
+        class(global_error_type), intent(inout) :: self
+        !> Ratio of the errors of both runs that follows from the options.
+        real(wp), intent(in) :: expected
+        !> Part of the run over which the mean is taken; largest ratio that steps give; least number of steps for it: the sizes of
+        !> first and last steps do not follow from their errors.
+        real(wp), parameter :: recent = 0.03_wp, largest_ratio = 0.5_wp, least_steps = 20.0_wp
+        real(wp) :: sums(2), ratio, squares(size(self%state, 1), 2)
+        real(wp), allocatable :: found(:, :, :)
+        integer :: j, k, n
+
+        found = self%difference
+        sums(:) = 0.0_wp
+        do k = 1, self%n_seen
+            ! Error control makes the errors of all steps of the first run about equal.
+            if (all(self%powers(k, :) > 0.0_wp)) sums = sums + self%steps(k, 1)*[1.0_wp, self%powers(k, 2)/self%powers(k, 1)]
+            ratio = expected
+            if (sums(1) >= least_steps) ratio = max(expected, min(sums(2)/sums(1), largest_ratio))
+            squares(:, :) = 0.0_wp
+            n = 0
+            do j = k, 1, -1
+                if (self%t(j) < self%t(k) - recent*(self%t_end - self%t_start)) exit
+                if (.not. self%is_there(j)) cycle
+                squares(:, :) = squares + found(:, :, j)**2
+                n = n + 1
+            end do
+            self%difference(:, :, k) = found(:, :, k) + ratio/(1.0_wp - ratio)*max(found(:, :, k), sqrt(squares/max(n, 1)))
+        end do
+    end subroutine add_second
 
     !> Add the errors of steps over singular configurations: rounding limits them, so that they are no smaller in the second run.
     subroutine add_crossings(self, simulation, model)
@@ -320,6 +384,9 @@ contains
         call pack%item(self%t_start, self%due)
         call pack%item(self%t, self%longest)
         call pack%item(self%t_last)
+        call pack%item(self%steps)
+        call pack%item(self%powers)
+        call pack%item(self%n_crossings)
         call pack%item(self%state)
         call pack%item(self%n_seen)
         call pack%item(self%is_changed, self%is_stopped)

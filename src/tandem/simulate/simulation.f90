@@ -162,8 +162,8 @@ module tandem_simulation
         class(step_control_type), allocatable, private :: control
         type(work_limit_type), private :: work
         type(local_error_type), private :: local_error
-        !> The current method.
-        type(properties_type), private :: method
+        !> The current method; only the run itself changes it.
+        type(properties_type) :: method
         type(auto_type), private :: auto
         real(wp), private :: t_start = 0.0_wp
     contains
