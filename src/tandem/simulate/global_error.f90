@@ -293,10 +293,10 @@ contains
         !> first and last steps do not follow from their errors.
         real(wp), parameter :: recent = 0.03_wp, largest_ratio = 0.5_wp, least_steps = 20.0_wp
         real(wp) :: sums(2), ratio, squares(size(self%state, 1), 2)
-        real(wp), allocatable :: found(:, :, :)
+        real(wp) :: found(size(self%difference, 1), 2, n_times)
         integer :: j, k, n
 
-        found = self%difference
+        found(:, :, :) = self%difference
         sums(:) = 0.0_wp
         do k = 1, self%n_seen
             ! Error control makes the errors of all steps of the first run about equal.
