@@ -355,16 +355,18 @@ class Complete(Resume):
         self.tandem("resume", "one.h5", "--error")
         after = contents(self.folder / "one.h5")
         self.assertEqual([], [name for name in before if name.startswith("trajectory") and before[name] != after[name]])
-        self.error_at_end_is_that_of("whole1.h5")
+        self.error_at_end_is_that_of("whole1.h5", 0)
         self.tandem("resume", "one.h5", "--set", "time.end=2", "--no-error")
         self.tandem("resume", "one.h5", "--error")
-        self.error_at_end_is_that_of("whole2.h5")
+        # The error of the second run is estimated from the differences at all times of comparison, which depend on the first end.
+        self.error_at_end_is_that_of("whole2.h5", 0.02)
 
-    def error_at_end_is_that_of(self, path):
+    def error_at_end_is_that_of(self, path, part):
         with h5py.File(self.folder / "one.h5") as one, h5py.File(self.folder / path) as whole:
             self.assertEqual("complete", one.attrs["status"])
             for name in ("global_error", "global_error_q", "global_error_qd"):
-                self.assertEqual(one["report"].attrs[name], whole["report"].attrs[name], name)
+                error = whole["report"].attrs[name]
+                self.assertAlmostEqual(one["report"].attrs[name], error, delta=part*error, msg=name)
 
     def test_limits(self):
         self.tandem("run", "rolling_disk", "--set", "solver.max_steps=200", "--set", "time.end=1", "--output", "one.h5", code=1)

@@ -167,7 +167,7 @@ contains
         !> Index of the next time of comparison; 1 or 2.
         integer, intent(in) :: k, which
 
-        associate (t => simulation%state%t, h => (simulation%state%t - self%t_last)/(self%t_end - self%t_start))
+        associate (t => simulation%state%t, h => simulation%state%t - self%t_last)
             if (h > 0.0_wp .and. simulation%n_crossings == self%n_crossings) then
                 self%steps(k, which) = self%steps(k, which) + 1.0_wp
                 self%powers(k, which) = self%powers(k, which) + h**(simulation%method%order + 1)
