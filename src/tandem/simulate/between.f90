@@ -33,8 +33,7 @@ contains
         call self%between%control%judge(h, norm, self%control%norm, real(order + 1, wp), is_refused)
         if (.not. is_refused) return
         self%tally%rejected = self%tally%rejected + 1
-        ! Where a request is announced, `longest` limits the next attempt.
-        if (.not. self%between%next_look < self%state%t) call self%control%reject(h, norm)
+        call self%control%reject(h, norm)
         call self%lost_rank%go_back(h)
         call self%chart%set_memory()
         self%attempts%cause = status_ok

@@ -2,10 +2,10 @@
 !> Step size control for the motion between the ends of steps: controls the error of dense output if states between steps are
 !> requested.
 !>
-!> The error of dense output is proportional to the same power of the step size as the error estimate of the step. It limits steps
-!> within which a state is requested; a step that ends at the requested time needs no dense output. The error is measured only if it
-!> may matter: after errors far below the limit, some steps are not measured. An error that does not decrease in shorter steps, such
-!> as rounding errors or errors near a kink that is not a breakpoint, is accepted.
+!> The error of dense output is proportional to the same power of the step size as the error estimate of the step, so that both
+!> limit the next step in the same way. The error is measured only if it may matter: after errors far below the limit, some steps
+!> are not measured. An error that does not decrease in shorter steps, such as rounding errors or errors near a kink that is not a
+!> breakpoint, is accepted.
 module tandem_simulate_dense_control
     use tandem_kinds, only: wp
     use tandem_pack, only: pack_type
@@ -14,10 +14,8 @@ module tandem_simulate_dense_control
 
     public :: dense_control_type
 
-    !> Target error of the next step, relative to the limit; bounds of the ratio of a rejected step size and the next.
-    real(wp), parameter :: aim = 0.5_wp, least_factor = 0.2_wp, largest_factor = 0.9_wp
-    !> Growth of the limit after a step that ended at the requested time.
-    real(wp), parameter :: growth = 1.2_wp
+    !> Target error of the next step, relative to the limit.
+    real(wp), parameter :: aim = 0.5_wp
     !> If the error predicted from the last measured step is below the first number, at most `most_skipped` steps are not measured.
     !> Error estimates below the second number are replaced by it in predictions.
     real(wp), parameter :: small = 1.0e-3_wp, least_estimate = 1.0e-3_wp
@@ -28,7 +26,7 @@ module tandem_simulate_dense_control
     real(wp), parameter :: slowest = 1.5_wp
 
     type :: dense_control_type
-        !> Upper limit of the size of steps within which a state is requested.
+        !> Upper limit of the next step size.
         real(wp) :: longest = huge(1.0_wp)
         !> Error of the last measured step, and error estimate of the step itself, negative if there is none; number of steps since
         !> then.
@@ -39,7 +37,7 @@ module tandem_simulate_dense_control
         real(wp), private :: rejected_size = 0.0_wp, rejected_norm = 0.0_wp
         integer, private :: ineffective = 0
     contains
-        procedure :: begin, begin_step, skip, ease, is_due, judge, pack_state
+        procedure :: begin, begin_step, skip, is_due, judge, pack_state
     end type dense_control_type
 
 contains
@@ -57,20 +55,13 @@ contains
         self%ineffective = 0
     end subroutine begin_step
 
-    !> Count a step that need not be measured. After `most_skipped` such steps the last measurement no longer limits the step size.
+    !> Count a step that is not measured. After `most_skipped` such steps the last measurement no longer limits the step size.
     pure subroutine skip(self)
         class(dense_control_type), intent(inout) :: self
 
         self%skipped = self%skipped + 1
         if (self%skipped > most_skipped) self%longest = huge(1.0_wp)
     end subroutine skip
-
-    !> Raise the limit after a step that ended at the requested time: in the end it is measured again.
-    pure subroutine ease(self)
-        class(dense_control_type), intent(inout) :: self
-
-        if (self%longest < huge(1.0_wp)/growth) self%longest = growth*self%longest
-    end subroutine ease
 
     !> True if the error in a step with the given error estimate, relative to the tolerances, is to be measured. The ratio of both
     !> errors is assumed to change little.
@@ -83,7 +74,7 @@ contains
         if (.not. is_due) is_due = self%norm*(max(estimate, least_estimate)/max(self%estimate, least_estimate)) > small
     end function is_due
 
-    !> Accept or reject an attempt, given the error between its ends, and set the upper limit of step sizes.
+    !> Accept or reject an attempt, given the error between its ends, and set the upper limit of the next step size.
     pure subroutine judge(self, h, norm, estimate, power, is_rejected)
         class(dense_control_type), intent(inout) :: self
         !> Size of the step; its error relative to the limit; error estimate of the step itself; power of the step size to which
@@ -102,7 +93,6 @@ contains
             ! Measure the next attempt in any case.
             self%estimate = -1.0_wp
             self%longest = huge(1.0_wp)
-            if (is_rejected) self%longest = h*min(largest_factor, max(least_factor, (aim/norm)**(1.0_wp/power)))
             return
         end if
         self%norm = norm

@@ -263,15 +263,12 @@ contains
 
         is_refused = .false.
         if (.not. self%options%is_adaptive()) return
-        associate (look => self%between%next_look, control => self%between%control)
-            if (look < self%state%t .and. .not. self%crossing%is_last_step) then
-                call self%judge_between(is_refused)
-                ! Each step is looked into.
-                if (look <= self%start%t .and. .not. is_refused) call self%control%stay_below(control%longest)
-            else if (look <= self%state%t) then
-                call control%ease()
-            end if
-        end associate
+        if (self%between%next_look < self%state%t .and. .not. self%crossing%is_last_step) then
+            call self%judge_between(is_refused)
+        else
+            call self%between%control%skip()
+        end if
+        if (.not. is_refused) call self%control%stay_below(self%between%control%longest)
     end subroutine consider_looks
 
     !> Check if stability limits the steps of an explicit method.
@@ -422,20 +419,14 @@ contains
         real(wp), intent(out) :: h
         !> True if it ends at the stop; true if it is shorter than the size of the controller.
         logical, intent(out) :: is_cut, is_short
-        logical :: ends_at_look
 
         h = self%lost_rank%longest_step(self%control%h)
-        call consider_next_look(self, h, ends_at_look)
         self%next%t = stop_at
         ! A step that nearly reaches the stop goes there; one that leaves a small remainder takes half the time.
         is_cut = self%state%t + 1.01_wp*h >= stop_at
         if (.not. is_cut) then
-            if (self%state%t + 1.8_wp*h > stop_at) then
-                h = 0.5_wp*(stop_at - self%state%t)
-                ends_at_look = .false.
-            end if
+            if (self%state%t + 1.8_wp*h > stop_at) h = 0.5_wp*(stop_at - self%state%t)
             self%next%t = self%state%t + h
-            if (ends_at_look) self%next%t = self%between%next_look
         end if
         ! Nor may it pass over values of functions of time, such as a pulse that is narrower than the step.
         do while (self%model%hides(self%state%t, self%next%t, self%method%stages > 2))
@@ -448,21 +439,6 @@ contains
         is_short = is_cut .or. h < self%control%h
         h = self%next%t - self%state%t
     end subroutine propose_step
-
-    !> Shorten a step within which a state is requested to the length at which dense output is accurate enough, or to the requested
-    !> time, whichever is longer.
-    subroutine consider_next_look(self, h, ends_at_look)
-        class(simulation_type), intent(in) :: self
-        real(wp), intent(inout) :: h
-        logical, intent(out) :: ends_at_look
-
-        ends_at_look = .false.
-        associate (until_look => self%between%next_look - self%state%t, longest => self%between%control%longest)
-            if (.not. (until_look < h .and. longest < h)) return
-            ends_at_look = until_look > longest
-            h = max(until_look, longest)
-        end associate
-    end subroutine consider_next_look
 
     !> Try the step to self%next.
     subroutine try_step(self, h, norm, estimate, outcome, stat)

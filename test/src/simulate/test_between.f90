@@ -24,7 +24,6 @@ contains
             new_unittest('errors-stay-within-ten-times-the-tolerance-where-looks-are-expected', test_controlled), &
             new_unittest('steps-are-shortened-where-looks-are-and-nowhere-else', test_expected), &
             new_unittest('steps-for-looks-go-on-as-they-were', test_resumed), &
-            new_unittest('a-look-costs-about-one-step', test_few_steps), &
             new_unittest('events-are-found-within-ten-times-the-tolerance', test_event), &
             new_unittest('the-end-of-a-step-is-no-place-of-large-errors', test_ends), &
             new_unittest('a-step-that-turns-its-chart-over-can-be-looked-into', test_turned), &
@@ -227,40 +226,6 @@ contains
         call check_true(error, statistics(everywhere)%steps > statistics(nowhere)%steps, 'shorter steps where somebody looks')
         call check_true(error, statistics(everywhere)%steps < 2*statistics(nowhere)%steps, 'not twice as many')
     end subroutine test_expected
-
-    !> Steps of the trapezoidal rule are twice as long as its interpolant allows. Looks at times that are known shorten steps that
-    !> contain them, or end those at these times: no attempt is wasted, and the next steps are as long as before.
-    subroutine test_few_steps(error)
-        type(error_type), allocatable, intent(out) :: error
-        integer, parameter :: n_looks = 50
-        real(wp), parameter :: t_end = 5.0_wp
-        class(model_type), allocatable, target :: model
-        type(simulation_type) :: simulation
-        type(statistics_type) :: statistics
-        type(failure_type), allocatable :: failure
-        real(wp), allocatable :: q(:), qd(:)
-        integer :: attempts(2), i, k
-
-        do k = 1, 2
-            call new_swing('pendulum', model, q, qd)
-            call simulation%initialize(model, options_type(stepper='trapezoid', rtol=1.0e-6_wp), 0.0_wp, q, qd, failure)
-            i = 1
-            do while (.not. allocated(failure) .and. simulation%state%t < t_end)
-                do while (simulation%state%t >= i*t_end/n_looks)
-                    i = i + 1
-                end do
-                if (k == 2) call simulation%expect_look(i*t_end/n_looks)
-                call simulation%step(t_end, failure)
-            end do
-            call check_no_failure(error, failure)
-            if (allocated(error)) return
-            statistics = simulation%statistics()
-            attempts(k) = int(statistics%steps + statistics%rejected)
-            deallocate (model)
-        end do
-        call check_true(error, attempts(2) > attempts(1), 'steps that no look shortens')
-        call check_below(error, real(attempts(2) - attempts(1), wp)/n_looks, 1.3_wp, 'additional attempts per look')
-    end subroutine test_few_steps
 
     !> A run whose steps are made for looks is saved after each of them, and goes on bitwise from there.
     subroutine test_resumed(error)

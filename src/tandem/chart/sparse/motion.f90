@@ -52,6 +52,8 @@ module tandem_chart_sparse_motion
         !> Largest error if rounding prevents a smaller one: positions are judged by the scales at the start of a step here, by
         !> those at its end afterwards.
         real(wp) :: allowed = 0.0_wp
+        !> True if the run is to stop at singular configurations: then no step may pass one unnoticed.
+        logical :: stops_at_losses = .false.
         !> The origin, and coordinate scales (n).
         real(wp) :: t0 = 0.0_wp
         real(wp), allocatable :: q0(:), qd0(:), scale(:)
@@ -168,6 +170,7 @@ contains
         self%n = model%n
         self%tolerance = options%constraint_tolerance
         self%allowed = 0.25_wp*self%tolerance
+        self%stops_at_losses = options%singular == 'stop'
         self%end_tolerance = max(options%position_tolerance(), 2.0e-15_wp)
         ! The error of C qd at the end of a step enters Phi times h, and is corrected there.
         self%velocity_tolerance = max(self%end_tolerance, 0.1_wp*self%tolerance)

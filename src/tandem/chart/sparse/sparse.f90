@@ -239,14 +239,20 @@ contains
         !> The independence at the last point.
         real(wp), intent(in) :: now
         !> Part of the independence at both ends together that a step over a loss leaves at most at its end or at one of its
-        !> stages: half the distance of stages, relative to the step, and some more.
-        real(wp), parameter :: of_sum = 0.33_wp
+        !> stages: half the distance of stages, relative to the step, and some more. Long steps at loose tolerances may leave more:
+        !> if the run is to stop, any stage below this part of the smaller one counts, and any change of C that suffices.
+        real(wp), parameter :: of_sum = 0.33_wp, of_ends = 0.95_wp
         logical :: is_decided
 
         associate (s => self%system, rank => self%rank)
             ! Fixed explicit steps are short, and do not store C of the start.
             may_pass_loss = .not. (s%shares_terms .or. rank%has_combination)
             if (.not. may_pass_loss) return
+            if (self%stops_at_losses) then
+                may_pass_loss = sqrt(s%lowest) < of_ends*min(self%independence, now) .or. &
+                    largest_change(self) > self%independence + now
+                return
+            end if
             if (.not. allocated(self%bend)) then
                 may_pass_loss = min(sqrt(s%lowest), now) < of_sum*(self%independence + now)
                 return
