@@ -58,7 +58,7 @@ contains
                 cost%dense = 6.58_wp + 0.699_wp*n + 2.2e-3_wp*m**2*n + 2.0e-4_wp*free*n**2
                 cost%sparse = 8.69_wp + 0.652_wp*bodies + 0.094_wp*entries + 0.343_wp*neighbours
             end if
-            ! The mechanisms of the fit have no rows at velocity level, which need a factor of their own.
+            ! Rows at velocity level need a factor of their own. The mechanisms of the fit have none.
             if (model%n_nonholonomic > 0) cost%sparse = 1.2_wp*cost%sparse
         end associate
     end subroutine estimate_cost

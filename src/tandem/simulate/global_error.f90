@@ -292,26 +292,28 @@ contains
         !> Part of the run over which the mean is taken; largest ratio that steps give; least number of steps for it: the sizes of
         !> first and last steps do not follow from their errors.
         real(wp), parameter :: recent = 0.03_wp, largest_ratio = 0.5_wp, least_steps = 20.0_wp
-        real(wp) :: sums(2), ratio, squares(size(self%state, 1), 2)
-        real(wp) :: found(size(self%difference, 1), 2, n_times)
+        real(wp) :: sums(2), ratio(n_times), squares(size(self%state, 1), 2)
         integer :: j, k, n
 
-        found(:, :, :) = self%difference
+        ratio(:) = expected
         sums(:) = 0.0_wp
         do k = 1, self%n_seen
             ! Error control makes the errors of all steps of the first run about equal.
             if (all(self%powers(k, :) > 0.0_wp)) sums = sums + self%steps(k, 1)*[1.0_wp, self%powers(k, 2)/self%powers(k, 1)]
-            ratio = expected
-            if (sums(1) >= least_steps) ratio = max(expected, min(sums(2)/sums(1), largest_ratio))
+            if (sums(1) >= least_steps) ratio(k) = max(expected, min(sums(2)/sums(1), largest_ratio))
+        end do
+        ! Backwards: a mean is one of the differences before.
+        do k = self%n_seen, 1, -1
             squares(:, :) = 0.0_wp
             n = 0
             do j = k, 1, -1
                 if (self%t(j) < self%t(k) - recent*(self%t_end - self%t_start)) exit
                 if (.not. self%is_there(j)) cycle
-                squares(:, :) = squares + found(:, :, j)**2
+                squares(:, :) = squares + self%difference(:, :, j)**2
                 n = n + 1
             end do
-            self%difference(:, :, k) = found(:, :, k) + ratio/(1.0_wp - ratio)*max(found(:, :, k), sqrt(squares/max(n, 1)))
+            self%difference(:, :, k) = self%difference(:, :, k) + &
+                ratio(k)/(1.0_wp - ratio(k))*max(self%difference(:, :, k), sqrt(squares/max(n, 1)))
         end do
     end subroutine add_second
 

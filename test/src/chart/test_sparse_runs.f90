@@ -30,6 +30,7 @@ contains
             new_unittest('choice', test_choice), &
             new_unittest('profile', test_profile), &
             new_unittest('redundant-rows', test_redundant), &
+            new_unittest('redundant-rows-of-a-door', test_door), &
             new_unittest('partners-of-redundant-rows', test_partners), &
             new_unittest('refusals', test_refusals)]
     end subroutine collect_sparse_runs
@@ -145,6 +146,34 @@ contains
         call check_true(error, simulation%is_sparse, 'three parallelograms have a dense chart')
         call check_count(error, simulation%n_redundant, 3, 'redundant rows')
     end subroutine test_choice
+
+    !> A body on two hinges of the same axis: the redundant rows and the motion are the same on both charts.
+    subroutine test_door(error)
+        type(error_type), allocatable, intent(out) :: error
+        real(wp), parameter :: along(3) = [0.0_wp, 1.0_wp, 0.0_wp], inertia(3) = [0.1_wp, 0.2_wp, 0.3_wp]
+        character(len=6), parameter :: kinds(2) = [character(len=6) :: 'sparse', 'dense']
+        type(mechanism_type), target :: mechanism(2)
+        type(simulation_type) :: simulation(2)
+        type(failure_type), allocatable :: failure
+        integer :: i, k
+
+        do i = 1, 2
+            call mechanism(i)%add_body('door', 1.0_wp, [0.5_wp, 0.0_wp, 0.0_wp], failure, inertia=inertia)
+            do k = 1, 2
+                if (.not. allocated(failure)) call mechanism(i)%add_joint('hinge'//achar(iachar('0') + k), 'revolute', 'ground', &
+                    'door', failure, at=[0.0_wp, 0.3_wp*k, 0.0_wp], axis=along)
+            end do
+            if (.not. allocated(failure)) call mechanism(i)%define(failure)
+            call check_no_failure(error, failure)
+            if (.not. allocated(error)) call start(mechanism(i), controlled(1.0e-10_wp, trim(kinds(i))), simulation(i), error)
+            if (allocated(error)) return
+            call check_count(error, simulation(i)%n_redundant, 5, 'redundant rows')
+            call check_true(error, simulation(i)%is_sparse .eqv. i == 1, 'the other chart')
+            call go_on(simulation(i), 0.2_wp, error)
+            if (allocated(error)) return
+        end do
+        call check_close(error, simulation(1)%state%q, simulation(2)%state%q, 1.0e-9_wp, 'q')
+    end subroutine test_door
 
     !> With the chart that the program chooses.
     subroutine test_profile(error)

@@ -346,7 +346,7 @@ module tandem_chart_dense
             implicit none (type, external)
             class(dense_chart_type), intent(in) :: self
             !> C elsewhere (m, n).
-            real(wp), intent(in), contiguous :: other(:, :)
+            real(wp), intent(in) :: other(:, :)
         end function change_from
 
         !> Store the rows that depend on each other at the current point.

@@ -227,35 +227,15 @@ contains
     end procedure find_loss_ahead
 
     module procedure change_from
-        change_from = relative_change(self%m, self%model%terms%jacobian, other, self%scale)
-    end procedure change_from
+        integer :: i
 
-    !> The change of a matrix whose rows have unit length in scaled coordinates (Frobenius norm).
-    pure real(wp) function relative_change(m, a, b, scale)
-        integer, intent(in) :: m
-        real(wp), intent(in), contiguous :: a(:, :), b(:, :), scale(:)
-        !> Sums of this number of rows at a time are kept in registers.
-        integer, parameter :: many = 8
-        real(wp) :: change(many), length(many)
-        integer :: before, i, j, n_rows
-
-        relative_change = 0.0_wp
-        do before = 0, m - 1, many
-            n_rows = min(many, m - before)
-            change = 0.0_wp
-            length = 0.0_wp
-            do j = 1, size(scale)
-                do i = 1, n_rows
-                    change(i) = change(i) + ((a(before + i, j) - b(before + i, j))*scale(j))**2
-                    length(i) = length(i) + (b(before + i, j)*scale(j))**2
-                end do
-            end do
-            do i = 1, n_rows
-                relative_change = relative_change + change(i)/max(length(i), tiny(1.0_wp))
-            end do
+        change_from = 0.0_wp
+        do i = 1, self%m
+            change_from = change_from + sum(((self%model%terms%jacobian(i, :) - other(i, :))*self%scale)**2)/ &
+                max(sum((other(i, :)*self%scale)**2), tiny(1.0_wp))
         end do
-        relative_change = sqrt(relative_change)
-    end function relative_change
+        change_from = sqrt(change_from)
+    end procedure change_from
 
     module procedure blame_dependent
         !> Smaller parts of the combination are not reported.

@@ -91,6 +91,7 @@ contains
     logical function has_passed_loss(self, system, is_decided)
         class(rank_type), intent(inout) :: self
         type(system_type), intent(inout) :: system
+        !> False if they are too different.
         logical, intent(out), optional :: is_decided
         !> Combinations that have less in common are unrelated.
         real(wp), parameter :: least_common = 0.3_wp
